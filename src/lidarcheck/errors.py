@@ -4,6 +4,7 @@ Every error a user can cause is a `LidarcheckError`; the command line prints `li
 
 - `UsageError`: the command's arguments do not fit together.
 - `InputError`: a file is not what it should be. Carries the file and, where there is one, the line.
+- `NotThereError`: a file is sound, and what is looked for is not in it.
 - `ConfigError`: a TOML, INI or JSON configuration has wrong keys or values; holds all of them, a line each.
 - `ExternalModelError`: somebody else's sensor model failed, timed out or wrote nothing usable.
 - `GoldenError`: a golden file is damaged, edited by hand or belongs to another scenario.
@@ -27,6 +28,7 @@ __all__ = [
     "GoldenError",
     "InputError",
     "LidarcheckError",
+    "NotThereError",
     "UsageError",
     "WorkerError",
 ]
@@ -79,6 +81,10 @@ class UsageError(LidarcheckError):
 
 class InputError(LidarcheckError):
     """A file is missing, damaged or not what it should be."""
+
+
+class NotThereError(InputError):
+    """A file is sound, and what is looked for is not in it: nothing has failed."""
 
 
 class ConfigError(LidarcheckError):

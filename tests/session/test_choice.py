@@ -17,15 +17,17 @@ def test_a_choice_is_kept_in_the_state_and_told_once(tmp_path):
     assert choice.choose_measured(scan, project)
     assert not choice.choose_measured(scan, project)
     assert not choice.choose_measured(tmp_path / "other.txt", project)
-    assert choice.next_feature() == "PEAK"
-    assert choice.next_feature(("PEAK", "AREA")) == "AREA"
+    choice.next_feature(("AREA", "PEAK"))
+    assert choice.feature(("AREA", "PEAK")) == "PEAK"
+    choice.next_feature(("PEAK", "AREA"))
     assert choice.target is None
     choice.choose("target", "7")
     assert told == ["measurement", "feature", "feature", "target"]
     again = Choice(kept)
-    assert (again.measured(project), again.feature, again.target) == (scan, "AREA", 7)
+    assert (again.measured(project), again.feature(("PEAK", "AREA")), again.target) == (scan, "AREA", 7)
+    assert again.feature(("INTENSITY", "range")) == "INTENSITY"  # of another sensor
     kept |= {"feature": "nothing", "target": "-"}  # somebody wrote in the state's file
-    assert (again.feature, again.target) == ("AREA", None)
+    assert (again.feature(("PEAK", "AREA")), again.target) == ("PEAK", None)
 
 
 def test_a_chosen_model_is_taken_where_it_can_be_meant(tmp_path):

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from lidarcheck.session.model_choice import models_of_sensor, other_sensors, sensor_of_models
+from lidarcheck.session.model_choice import features_of_models, models_of_sensor, other_sensors, sensor_of_models
 from lidarcheck.session.project import read_project
 
 MODEL = 'variant = "{}"\n[materials.1]\nname = "panel"\nreflectance = 0.5\n'
@@ -32,3 +32,12 @@ def test_built_in_sensors_are_told_by_their_scans(tmp_path):
     found = project(tmp_path, a="SMART", b="SLIM")
     assert sensor_of_models(models_of_sensor(found, "a.toml", tmp_path)) is None
     assert other_sensors(found) == []
+
+
+def test_the_features_to_look_at_are_those_of_the_sensors(tmp_path):
+    found = project(tmp_path, a="SLIM", b="OS1-128", c="TMF8820").of("model")
+    assert features_of_models(found[:1]) == ("AREA", "PEAK", "WIDTH", "range")
+    assert features_of_models(found[1:2]) == ("REFLECTIVITY", "range")
+    assert features_of_models(found[2:]) == ("CONFIDENCE", "range")
+    assert features_of_models(found) == ("AREA", "PEAK", "WIDTH", "REFLECTIVITY", "CONFIDENCE", "range")
+    assert features_of_models([]) == ()

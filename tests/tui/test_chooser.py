@@ -2,7 +2,6 @@
 
 import pytest
 
-from lidarcheck.session.choice import FEATURES
 from lidarcheck.tui.chooser import Chooser, Opening, ranked
 from lidarcheck.tui.openings import openings
 from tui_kit import app_on, drive, make_project, on_blooming, sees, until
@@ -89,7 +88,7 @@ def test_three_letters_and_enter_reach_everything(project):
             "table",
         ):
             assert any(one.kind == kind for one in offered), kind
-        assert {one.name for one in offered if one.kind == "feature"} == set(FEATURES)
+        assert {one.name for one in offered if one.kind == "feature"} == {"AREA", "PEAK", "WIDTH", "range"}
         await pilot.press("o")
         assert app.asking.items[0].key == "action log"
         await sees(app, pilot, "show or hide the log")

@@ -12,7 +12,7 @@ from lidarcheck.kpi.pairing import paths
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import Beams, Sensor
 
-__all__ = ["amplitude", "features_of", "place_of", "ways"]
+__all__ = ["amplitude", "echo_features", "features_of", "place_of", "ways"]
 
 _COUNTED = {"AREA": "", "PEAK": "", "WIDTH": "ns"}
 """What a SPAD array counts, and the units that are shown: PEAK and AREA count detectors."""
@@ -32,6 +32,11 @@ def amplitude(scan: Scan, sensor: Sensor | None = None) -> tuple[str, FloatArray
         if values is not None:
             return name, values
     return "", np.full(len(scan), np.nan)
+
+
+def echo_features(sensor: Sensor) -> tuple[str, ...]:
+    """The names of the features that a sensor reports of each echo."""
+    return tuple(feature.name for feature in sensor.features if feature.law not in _OF_BEAM)
 
 
 def features_of(scan: Scan, sensor: Sensor | None = None) -> dict[str, tuple[str, FloatArray]]:

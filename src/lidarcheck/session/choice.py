@@ -8,25 +8,25 @@ from typing import Literal
 
 from lidarcheck.session.project import Project
 
-__all__ = ["FEATURES", "PARTS", "Choice", "Part"]
+__all__ = ["PARTS", "Choice", "Part"]
 
 Part = Literal["model", "lut", "axis", "measurement", "feature", "target"]
 PARTS: tuple[Part, ...] = ("model", "lut", "axis", "measurement", "feature", "target")
 """What is chosen: the model's, the table file's and a measurement's name within the project, the table's direction, a
 quantity of echoes, and the number of the target's material. The distance is that of the measurement; the settings are
 those of the model's variant and the table's direction."""
-FEATURES = ("AREA", "PEAK", "WIDTH", "range")
-"""The quantities of echoes that screens show by themselves, the usual one first."""
 
 
 class Choice:
     """One choice for all screens. It lives in the mapping that the state keeps for the next start.
 
-    `on_change`: hears which part is another now.
+    `features`: the quantities of echoes that there are to choose from, those of the project's sensors. `on_change`:
+    hears which part is another now.
     """
 
     def __init__(self, kept: MutableMapping[str, str]) -> None:
         self._kept = kept
+        self.features: tuple[str, ...] = ()
         self.on_change: Callable[[Part], object] = lambda _part: None
 
     def of(self, part: Part) -> str:
@@ -43,17 +43,14 @@ class Choice:
 
     # What it is for the screens
 
-    @property
-    def feature(self) -> str:
-        """The feature that is looked at; the usual one where none was chosen."""
+    def feature(self, among: Sequence[str]) -> str:
+        """The feature that is looked at, of those that a screen has; the first where none of them was chosen."""
         feature = self.of("feature")
-        return feature if feature in FEATURES else FEATURES[0]
+        return feature if feature in among else among[0]
 
-    def next_feature(self, among: Sequence[str] = FEATURES) -> str:
+    def next_feature(self, among: Sequence[str]) -> None:
         """Go to the feature after this one, of those that a screen has."""
-        at = among.index(self.feature) + 1 if self.feature in among else 0
-        self.choose("feature", among[at % len(among)])
-        return self.feature
+        self.choose("feature", among[(among.index(self.feature(among)) + 1) % len(among)])
 
     @property
     def target(self) -> int | None:

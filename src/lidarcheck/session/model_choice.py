@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "NONE",
+    "RANGE",
     "chosen_model",
+    "features_of",
+    "features_of_models",
     "likely_model",
     "model_after",
     "models_of_sensor",
@@ -27,6 +30,8 @@ __all__ = [
 
 NONE = "-"
 """Kept in the state for the choice of no model."""
+RANGE = "range"
+"""What every sensor reports of an echo, besides its features."""
 _BUILT_IN = ("SMART", "SLIM")
 """Variants whose scans tell by themselves which measured."""
 
@@ -106,6 +111,23 @@ def other_sensors(project: Project) -> list[str]:
     named = [entry.path for entry in project.of("model") if _variant_in(entry.path) not in ("", *_BUILT_IN)]
     sensors = [sensor for path in named if (sensor := _sensor_of(path)) is not None]
     return list(dict.fromkeys(sensor.name for sensor in sensors if sensor.beams != reference_beams()))
+
+
+def features_of(sensor: Sensor) -> tuple[str, ...]:
+    """The quantities of a sensor's echoes that can be looked at, what says most of their strength first."""
+    from lidarcheck.calibration.echoes import echo_features
+    from lidarcheck.inference.observed.echo_view import EchoView
+
+    own = echo_features(sensor)
+    first = [slot.name for slot in EchoView.of(sensor).slots if slot.name in own]
+    return (*dict.fromkeys([*first, *own]), RANGE)
+
+
+def features_of_models(models: Sequence[Entry]) -> tuple[str, ...]:
+    """Those of all sensors that the models are of, each once."""
+    sensors = [sensor for model in models if (sensor := _sensor_of(model.path)) is not None]
+    found = [name for sensor in sensors for name in features_of(sensor) if name != RANGE]
+    return (*dict.fromkeys(found), *([RANGE] if sensors else []))
 
 
 def _variant_in(model: Path) -> str:

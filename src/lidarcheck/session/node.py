@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from lidarcheck.errors import LidarcheckError, NotThereError
 from lidarcheck.session.canonical import key_of
 from lidarcheck.session.inputs import Inputs
 
-__all__ = ["Cancelled", "Derived", "Entry", "Node", "Part", "ProgressCallback", "function_of"]
+__all__ = ["NONE", "Cancelled", "Derived", "Entry", "Node", "Part", "ProgressCallback", "function_of", "words_of"]
 
 Entry = str
 """A function as "package.module:function"; it is called with its arguments and `progress`, a `ProgressCallback`."""
@@ -29,6 +30,18 @@ def function_of(entry: Entry) -> Any:
     """The function of an entry."""
     module, _, name = entry.partition(":")
     return getattr(importlib.import_module(module), name)
+
+
+NONE = "none: "
+"""Before why there is nothing to compute, in the place of what has failed."""
+
+
+def words_of(error: Exception) -> str:
+    """Why there is no value."""
+    if not isinstance(error, LidarcheckError):
+        return f"internal error, {type(error).__name__}: {error}"
+    words = "; ".join(error.lines()).removeprefix("error: ")
+    return f"{NONE}{words}" if isinstance(error, NotThereError) else words
 
 
 @dataclass(frozen=True)

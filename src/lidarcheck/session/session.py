@@ -16,18 +16,18 @@ from lidarcheck.formats.table import counted
 from lidarcheck.reading import reading
 from lidarcheck.session.describe import described
 from lidarcheck.session.inputs import Inputs
-from lidarcheck.session.node import Cancelled, Derived, Node, Part, ProgressCallback
+from lidarcheck.session.node import NONE, Cancelled, Derived, Node, Part, ProgressCallback, words_of
 from lidarcheck.session.open_files import OpenFiles
 from lidarcheck.session.store import Store
 from lidarcheck.session.worker import Outcome, Ticket, Worker
 from lidarcheck.workers.identity import source_of_results
 
-__all__ = ["CURRENT", "FAILED", "FIRST_S", "OLD", "RENEWED_S", "SAVED", "Session"]
+__all__ = ["CURRENT", "FAILED", "FIRST_S", "NONE", "OLD", "RENEWED_S", "SAVED", "Session"]
 
 CURRENT, OLD, SAVED = "current", "OLD", "saved model"
 FAILED = "failed: "
 """The words for results of exactly these inputs; of others; of the files, where edits of these are not saved. What
-could not be computed has failed, and why stands behind it."""
+could not be computed has failed, and why stands behind it, as behind `NONE` where there is nothing to compute."""
 RENEWED_S, FIRST_S = 2.0, 10.0
 """What took no longer than this is computed again by itself when its inputs change; the second where it was the first
 of its kind in this process, which loads libraries and compiled code besides.
@@ -71,7 +71,8 @@ class Session(OpenFiles):
         if key in self._running:
             return f"computing{self._running[key]}", last
         if key in self._failed:
-            return f"{FAILED}{self._failed[key]}", last
+            failed = self._failed[key]
+            return failed if failed.startswith(NONE) else f"{FAILED}{failed}", last
         return ("", None) if last is None else (self._why_old(last, inputs), last)
 
     def current(self, node: Node) -> Derived | None:
@@ -110,13 +111,10 @@ class Session(OpenFiles):
         self._running[key] = ""
         try:
             made = self._made(node, part, inputs, self._counted(key, on_progress))
-        except LidarcheckError as error:
-            self._failed[key] = "; ".join(error.lines()).removeprefix("error: ")
-            raise
         except Cancelled:
             raise
         except Exception as error:
-            self._failed[key] = f"internal error, {type(error).__name__}: {error}"
+            self._failed[key] = words_of(error)
             raise
         finally:
             self._running.pop(key, None)
@@ -173,7 +171,7 @@ class Session(OpenFiles):
                 made = self._checked(node, part, inputs, outcome)
                 self._keep(node, made)
             except LidarcheckError as error:
-                self._failed[key] = "; ".join(error.lines()).removeprefix("error: ")
+                self._failed[key] = words_of(error)
         self._ended_run(key)
         on_done(made)
         if made is not None:

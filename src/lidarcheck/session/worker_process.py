@@ -16,10 +16,9 @@ from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
 from typing import Any
 
-from lidarcheck.errors import LidarcheckError
 from lidarcheck.permissions import Permissions, grant
 from lidarcheck.reading import reading
-from lidarcheck.session.node import Cancelled, Entry, ProgressCallback, function_of
+from lidarcheck.session.node import Cancelled, Entry, ProgressCallback, function_of, words_of
 from lidarcheck.workers.parent import end_with_parent
 
 __all__ = ["COMPILES", "WARM", "compile_kernels", "serve"]
@@ -160,10 +159,8 @@ def _packed_answer(
         return pickle.dumps(("done", number, value, "", seconds, dict(read.files), frozenset(read.taken)))
     except Cancelled:
         failed = "stopped"
-    except LidarcheckError as error:
-        failed = "; ".join(error.lines()).removeprefix("error: ")
     except Exception as error:  # noqa: BLE001 - see above
-        failed = f"internal error, {type(error).__name__}: {error}"
+        failed = words_of(error)
     return pickle.dumps(("done", number, None, failed))
 
 

@@ -24,7 +24,7 @@ from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
 from lidarcheck.session.choice import Choice, Part
 from lidarcheck.session.disk_store import DiskStore
-from lidarcheck.session.model_choice import other_sensors
+from lidarcheck.session.model_choice import features_of_models, other_sensors
 from lidarcheck.session.project import Project, read_project
 from lidarcheck.session.session import Session
 from lidarcheck.session.state import load_state, save_state
@@ -197,6 +197,7 @@ class LidarcheckApp(Everywhere):
         def read() -> None:
             try:
                 project = read_project(root)
+                self.choice.features = features_of_models(project.of("model"))
                 self.soon(self._project_read, project, ", ".join(other_sensors(project)), *later_screens())
             except LidarcheckError as error:
                 self.soon(self.say, error)

@@ -20,17 +20,16 @@ from typing import TYPE_CHECKING, Any
 from lidarcheck.session.inputs import Inputs
 from lidarcheck.session.node import Derived, Node
 from lidarcheck.session.open_files import Step as Edit
-from lidarcheck.session.session import CURRENT, FAILED, RENEWED_S, Session
+from lidarcheck.session.session import CURRENT, FAILED, NONE, RENEWED_S, Session
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.number.number import Number, Step
     from lidarcheck.calibration.number.request import Request
 
-__all__ = ["EXPECTED", "NONE_BECAUSE", "NOT_YET", "REST_S", "Asked", "Engine", "Known"]
+__all__ = ["EXPECTED", "NOT_YET", "REST_S", "Asked", "Engine", "Known"]
 
-EXPECTED, NONE_BECAUSE, NOT_YET = "expected", "none: ", "not yet known"
-"""The words for a number of the same inputs without noise, for a measurement that has none, with why behind it, and for
-one that was not computed yet."""
+EXPECTED, NOT_YET = "expected", "not yet known"
+"""The words for a number of the same inputs without noise, and for one that was not computed yet."""
 REST_S = 0.12
 """After the last key of so long a sample is simulated."""
 _ENTRY = "lidarcheck.calibration.number.entry:{}"
@@ -97,7 +96,7 @@ class Engine:
     def known(self, asked: Asked) -> Known:
         """What is known of a number; cheap, to be asked at each drawing."""
         if asked.request is None:
-            return Known(f"{NONE_BECAUSE}{asked.none}")
+            return Known(f"{NONE}{asked.none}")
         now = self.session.inputs()
         number, before, start = (self.of(asked, one) for one in (now, self.session.before(), self.session.start()))
         if number is None:
@@ -110,7 +109,7 @@ class Engine:
         """The state of a number that is not there for the inputs as they are, and what is shown meanwhile."""
         word, derived = self.session.status(self.node(asked, now))
         hoped, last = self.of(asked, now, "expected"), None if derived is None else derived.value
-        if word.startswith(FAILED):
+        if word.startswith((FAILED, NONE)):
             return word, last
         if word.startswith("computing"):
             return word, hoped or last

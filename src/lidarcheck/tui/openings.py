@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.session.choice import FEATURES, Part
+from lidarcheck.session.choice import Part
 from lidarcheck.session.pairing import measured_in, numbers_in
 from lidarcheck.session.project import Entry
 from lidarcheck.tui.actions import key_name
@@ -66,8 +66,8 @@ def _models(app: Everywhere) -> Iterator[Opening]:
 
 
 def _features(app: Everywhere) -> Iterator[Opening]:
-    for feature in FEATURES:
-        now = "chosen" if feature == app.choice.feature else ""
+    for feature in app.choice.features:
+        now = "chosen" if feature == app.choice.of("feature") else ""
         about = "the quantity of echoes that is looked at"
         yield Opening("feature", feature, now, _choosing(app, "feature", feature), about)
 

@@ -18,7 +18,7 @@ from lidarcheck.calibration.blooming.workflow import BloomingMeasurement
 from lidarcheck.calibration.echoes import features_of, ways
 from lidarcheck.calibration.ghosts.returns import brightness
 from lidarcheck.cases.source import ideal_of, scan_of
-from lidarcheck.errors import InputError
+from lidarcheck.errors import InputError, NotThereError
 from lidarcheck.formats.lut import Axis
 from lidarcheck.kpi.blooming import target_offset
 from lidarcheck.kpi.target import target_rows
@@ -26,7 +26,7 @@ from lidarcheck.model import Model
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Sensor
 
-__all__ = ["BesideTarget", "beside_target", "beside_target_in"]
+__all__ = ["BesideTarget", "beside_target", "beside_target_in", "beside_target_of"]
 
 _NEAR_M = 3.0
 """How far a target may stand from the distance that the user names."""
@@ -49,6 +49,11 @@ class BesideTarget:
     range_m: FloatArray
     features: Mapping[str, FloatArray]
 
+    @property
+    def on_target(self) -> BoolArray:
+        """Which offsets are the target's own, shape (k,)."""
+        return np.asarray(self.offset == 0.0)
+
 
 def beside_target(measured: BloomingMeasurement, model: Model, axis: Axis) -> BesideTarget:
     """A measurement's profile: a CSV table as it is, or a scan, whose target the ideal scan tells, else its brightness.
@@ -59,23 +64,32 @@ def beside_target(measured: BloomingMeasurement, model: Model, axis: Axis) -> Be
     name, sensor = str(measured.path), model.sensor
     if is_profile(measured.path):
         return _of_table(Path(measured.path), sensor, axis, measured.distance_m)
-    scan, others = scan_of(measured.path, measured.placement, sensor), None
-    if measured.ideal is None:
-        target = _bright(scan, sensor, name)
-        layer, point, way_m = scan.layer[target], scan.point[target], ways(scan)[target]
-    else:
+    scan = scan_of(measured.path, measured.placement, sensor)
+    if measured.ideal is not None:
         ideal = ideal_of(measured.ideal, sensor)
-        rows = target_rows(ideal, model, None)
-        if rows is None:
-            what = "no beam of the ideal scan meets a retro-reflector of the model"
-            raise InputError(what, file=str(measured.ideal), fix="check the material IDs")
-        layer, point, way_m = ideal.layer[rows], ideal.point[rows], ideal.distance_m[rows]
-        others = ideal.take(~rows & (ideal.distance_m > 0.0))
+        return beside_target_of(scan, ideal, model, axis, name, measured.distance_m)
+    target = _bright(scan, sensor, name)
+    layer, point, way_m = scan.layer[target], scan.point[target], ways(scan)[target]
     at = _one_target(way_m, measured.distance_m, name)
     mine = np.abs(way_m - at) <= _WINDOWS * sensor.window_m
-    if others is not None:
-        seen = others.take(np.abs(others.distance_m - at) <= 2.0 * _WINDOWS * sensor.window_m)
-        scan = scan.take(~np.isin(_beams(scan), np.setdiff1d(_beams(seen), scan.beams.index(layer, point))))
+    return beside_target_in(scan, sensor, axis, (layer[mine], point[mine], at), name)
+
+
+def beside_target_of(
+    scan: Scan, ideal: IdealScan, model: Model, axis: Axis, name: str = "the scan", distance_m: float | None = None
+) -> BesideTarget:
+    """The profile of the target that an ideal scan tells, at `distance_m` where there are several."""
+    sensor = model.sensor
+    rows = target_rows(ideal, model, None)
+    if rows is None:
+        what = "no beam of the ideal scan meets a retro-reflector of the model"
+        raise NotThereError(what, file=ideal.file or name, fix="check the material IDs")
+    layer, point, way_m = ideal.layer[rows], ideal.point[rows], ideal.distance_m[rows]
+    others = ideal.take(~rows & (ideal.distance_m > 0.0))
+    at = _one_target(way_m, distance_m, name)
+    mine = np.abs(way_m - at) <= _WINDOWS * sensor.window_m
+    seen = others.take(np.abs(others.distance_m - at) <= 2.0 * _WINDOWS * sensor.window_m)
+    scan = scan.take(~np.isin(_beams(scan), np.setdiff1d(_beams(seen), scan.beams.index(layer, point))))
     return beside_target_in(scan, sensor, axis, (layer[mine], point[mine], at), name)
 
 
@@ -89,7 +103,8 @@ def beside_target_in(
     offset, _ = target_offset(scan.layer, scan.point, layer, point, axis, scan.beams)
     rows = np.flatnonzero(near & np.isfinite(offset))
     if not len(rows):
-        raise InputError(f"no echo at the target's range, {at_m:.1f} m", file=name, fix="do the files belong together?")
+        what = f"no echo at the target's range, {at_m:.1f} m"
+        raise NotThereError(what, file=name, fix="do the files belong together?")
     found, where = np.unique(offset[rows] + 0.0, return_inverse=True)
 
     def mean(values: FloatArray) -> FloatArray:
@@ -109,7 +124,7 @@ def _bright(scan: Scan, sensor: Sensor, name: str) -> BoolArray:
     bright = np.asarray((told.values >= told.above) & scan.beams.has(scan.layer, scan.point))
     if told.relative or not bright.any():
         what = f"no {told.column} tells a bright target: {told.why}"
-        raise InputError(what, file=name, fix="name the ideal scan with --ideal")
+        raise NotThereError(what, file=name, fix="name the ideal scan with --ideal")
     return bright
 
 

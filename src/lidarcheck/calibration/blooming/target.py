@@ -13,7 +13,7 @@ import numpy as np
 
 from lidarcheck.arrays import BoolArray, FloatArray, IntArray
 from lidarcheck.calibration.blooming.response import GATE_M, bin_length_m, strongest_echoes
-from lidarcheck.errors import InputError
+from lidarcheck.errors import InputError, NotThereError
 from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.settings import Setting, Settings
 from lidarcheck.scan import IdealScan, Light, Scan
@@ -111,7 +111,7 @@ def target_in_scan(
         full = sensor.detectors * sensor.on_bins
         most = f"the largest AREA is {scan.area.max():g}" if len(scan) else "it has no echoes"
         what = f"no echo saturates (AREA {full}, as when all detectors fire): {most}"
-        raise InputError(what, file=name, fix="blooming needs a retro-reflecting target; is the variant right?")
+        raise NotThereError(what, file=name, fix="blooming needs a retro-reflecting target; is the variant right?")
     range_m = bright.range_m
     setting = _setting(bright, range_m, settings, axis, distance_m, name)
     near_m = distance_m if distance_m is not None else setting.distance_m if setting else _densest_m(range_m)
@@ -119,7 +119,7 @@ def target_in_scan(
     if at is None:
         found = ", ".join(f"{r:.1f}" for r in _clusters_m(range_m))
         what = f"nothing saturates within {_NEAR_M:g} m of {near_m:g} m; echoes saturate at {found} m"
-        raise InputError(what, file=name, fix="name the distance as SCAN@DISTANCE")
+        raise NotThereError(what, file=name, fix="name the distance as SCAN@DISTANCE")
     inside = np.abs(range_m - at) <= GATE_M
     line, place = lines_and_places(bright, axis)
     keep = inside if setting is None else inside & _in_setting(line, place, setting, axis)
@@ -242,14 +242,14 @@ def bright_beams(
     if not found:
         most = light.pulse_signal.max() if len(light.pulse_signal) else 0.0
         what = f"no beam has S of {bright_signal:g} or more, from which light blooms; the largest is {most:.3g}"
-        raise InputError(what, file=name, fix="is the target's material a retro-reflector in the model?")
+        raise NotThereError(what, file=name, fix="is the target's material a retro-reflector in the model?")
     listed = ", ".join(f"{r:.1f}" for r in sorted(found))
     if distance_m is None and len(found) > 1:
-        raise InputError(f"bright targets stand at {listed} m", file=name, fix=f"say which: SCAN@{found[0]:.1f}")
+        raise NotThereError(f"bright targets stand at {listed} m", file=name, fix=f"say which: SCAN@{found[0]:.1f}")
     at = _cluster_at(range_m, found[0] if distance_m is None else distance_m)
     if at is None:
         what = f"no bright target within {_NEAR_M:g} m of {distance_m:g} m; there are some at {listed} m"
-        raise InputError(what, file=name, fix="name the distance of one of them")
+        raise NotThereError(what, file=name, fix="name the distance of one of them")
     keep = bright[np.abs(range_m - at) <= GATE_M]
     lines, places = lines_and_places(light, axis)
     beam = light.pulse_beam[keep]

@@ -18,7 +18,7 @@ from lidarcheck.calibration.blooming.target import bright_beams, own_light, targ
 from lidarcheck.cases.source import Named, ideal_of, scan_of
 from lidarcheck.effects.base import Curve, Effect
 from lidarcheck.effects.finding import make, with_role
-from lidarcheck.errors import InputError, UsageError
+from lidarcheck.errors import InputError, NotThereError, UsageError
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.formats.lut import Axis, LutFile, LutTable
 from lidarcheck.formats.settings import Settings, default_settings
@@ -34,6 +34,7 @@ __all__ = [
     "TableRow",
     "bare_of",
     "calibrate",
+    "check_counts",
     "fitted_model",
     "gather",
     "model_side_of",
@@ -119,11 +120,7 @@ def model_side_of(
     signal_at_1m: float | None = None,
 ) -> ModelSide:  # fmt: skip
     """The bench of a model. Of several retro-reflectors `material` says which is the target."""
-    if not isinstance(model.sensor.nominal, SpadArray):
-        what = (
-            f"{model.sensor.name} has the detector {model.sensor.detector}; blooming is fitted to the PEAK, AREA and "
-        )
-        raise InputError(f"{what}WIDTH of a spad_array", file=model.file, fix="set blooming by hand in the model")
+    check_counts(model)
     bare, bright = bare_of(model, axis)
     nothing = np.zeros(1, dtype=np.int32)
     beams = model.sensor.beams
@@ -134,6 +131,15 @@ def model_side_of(
         material = None
     settings = settings or default_settings(axis)
     return ModelSide(bare, sensor, light.shape, axis, bright, signal_at_1m, material, settings)
+
+
+def check_counts(model: Model) -> None:
+    """Refuse a sensor that counts no PEAK, AREA and WIDTH, which tables are fitted to."""
+    if not isinstance(model.sensor.nominal, SpadArray):
+        what = f"{model.sensor.name} has the detector {model.sensor.detector}; blooming is fitted to the PEAK, AREA"
+        raise NotThereError(
+            f"{what} and WIDTH of a spad_array", file=model.file, fix="set blooming by hand in the model"
+        )
 
 
 def bare_of(model: Model, axis: Axis) -> tuple[Model, float]:
@@ -199,7 +205,7 @@ def _cells(measured: BloomingMeasurement, bench: ModelSide) -> Cells:
         )  # fmt: skip
         if target.signal.max() < bench.bright_signal:
             what = f"the target's S is {target.signal.max():.3g} at {target.distance_m:.1f} m, which does not bloom"
-            raise InputError(what, file=name, fix=f"it must be at least bright_signal, {bench.bright_signal:g}")
+            raise NotThereError(what, file=name, fix=f"it must be at least bright_signal, {bench.bright_signal:g}")
         return cells_of_scan(scan, target, axis, name=name)
     light, _ = _light_of(ideal_of(measured.ideal, bench.sensor), bench.model)
     target = bright_beams(light, bench.counts, axis, bench.bright_signal, measured.distance_m, name)

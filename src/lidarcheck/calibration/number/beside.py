@@ -17,7 +17,7 @@ from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.calibration.number.frames import Frames
 from lidarcheck.calibration.number.light import Keys, keys_of
 from lidarcheck.effects.shared.blooming import Direction
-from lidarcheck.errors import InputError
+from lidarcheck.errors import NotThereError
 from lidarcheck.formats.lut import Axis
 from lidarcheck.kpi.pairing import nearest_on_line
 from lidarcheck.model.spec import Model
@@ -61,18 +61,18 @@ def beside_targets(
 ) -> Beside:  # fmt: skip
     """Those of all frames. `bare`: the model without blooming; `reach_m`: how near to a surface an echo is its own.
 
-    `InputError` where no target is bright, or none stands at `distance_m` or has the `material`.
+    `NotThereError` where no target is bright, or none stands at `distance_m` or has the `material`.
     """
     bright = [_bright(data, i, bare, axis, bright_signal, material) for i in range(len(data.frames))]
     ranges = np.concatenate([one.at_m for one in bright])
     if not len(ranges):
         what = f"no beam of its ideal scan has S of {bright_signal:g} or more, from which light blooms"
-        raise InputError(what, file=data.name, fix="is the target's material a retro-reflector in the model?")
+        raise NotThereError(what, file=data.name, fix="is the target's material a retro-reflector in the model?")
     edges = _targets(ranges, distance_m, data.name)
     parts = [_beside(data, i, one, edges, reach_m) for i, one in enumerate(bright)]
     joined = {f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Beside)}
     if not len(joined["key"]):
-        raise InputError("has no beam beside its target", file=data.name, fix="is the ideal scan cut to the target?")
+        raise NotThereError("has no beam beside its target", file=data.name, fix="is the ideal scan cut to the target?")
     number = np.unique(np.column_stack([joined["frame"], joined["line"]]), axis=0, return_inverse=True)[1]
     return Beside(**{**joined, "line": number.ravel()})
 
@@ -93,7 +93,7 @@ def _bright(data: Frames, i: int, bare: Model, axis: Axis, bright_signal: float,
     ideal = data.frames[i].ideal
     if not ideal.beams.lattice:
         what = "is of a sensor whose beams have no neighbours by their numbers, so that no line blooms"
-        raise InputError(what, file=data.name, fix="set blooming by hand in the model")
+        raise NotThereError(what, file=data.name, fix="set blooming by hand in the model")
     run, light = run_and_light(ideal, bare, 0, data.frames[i].number, None, data.surfaces[i], 1, as_written=True)
     along = Direction.of(run.sensor, light.beams, vertical=axis == "vertical")
     row, beam = light.rows(), light.pulse_beam
@@ -118,7 +118,7 @@ def _targets(ranges: FloatArray, distance_m: float | None, name: str) -> FloatAr
     if not kept:
         listed = ", ".join(f"{at:.1f}" for at in middles[:8])
         what = f"no bright target within {_APART_M:g} m of {distance_m:g} m; there are some at {listed} m"
-        raise InputError(what, file=name, fix="name the distance of one of them")
+        raise NotThereError(what, file=name, fix="name the distance of one of them")
     return np.array([(part[0], part[-1]) for part in kept])
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from lidarcheck.calibration.blooming.target import lines_and_places, target_in_scan
 from lidarcheck.calibration.blooming.workflow import ModelSide, model_side_of
 from lidarcheck.calibration.number.request import Request
-from lidarcheck.errors import InputError
+from lidarcheck.errors import NotThereError
 from lidarcheck.formats.settings import Settings, default_settings, find_settings, load_settings
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
@@ -22,7 +22,7 @@ __all__ = ["bench_of", "ideal_of_target"]
 def ideal_of_target(scan: Scan, model: Model, request: Request, name: str) -> IdealScan:
     """The target's beams, and those beside it on its lines, within the scan's bounds.
 
-    `InputError` where nothing saturates, or the model does not say which retro-reflector the target is.
+    `NotThereError` where nothing saturates, or the model does not say which retro-reflector the target is.
     """
     bench = bench_of(model, request, name)
     assert bench.material is not None
@@ -49,7 +49,7 @@ def bench_of(model: Model, request: Request, name: str) -> ModelSide:
     bench = model_side_of(model, request.axis, settings=_settings(request, model), material=request.material)
     if bench.material is None or bench.signal_at_1m is None:
         what = "has no ideal scan, and the model does not say which retro-reflector its target is"
-        raise InputError(what, file=name, fix="say which with --target, or give its ideal scan")
+        raise NotThereError(what, file=name, fix="say which with --target, or give its ideal scan")
     return bench
 
 

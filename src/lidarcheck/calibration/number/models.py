@@ -9,12 +9,12 @@ from typing import Any
 from lidarcheck.calibration.number.request import Request
 from lidarcheck.effects.base import Curve, Effect
 from lidarcheck.effects.finding import make, with_role
-from lidarcheck.errors import InputError
+from lidarcheck.errors import InputError, NotThereError
 from lidarcheck.formats.lut import Axis, load_lut
 from lidarcheck.model import load_model
 from lidarcheck.model.spec import Model
 
-__all__ = ["check_blooms", "edited_model", "said_of"]
+__all__ = ["check_blooms", "edited_model", "said_of", "with_table"]
 
 
 def edited_model(request: Request) -> Model:
@@ -28,17 +28,17 @@ def edited_model(request: Request) -> Model:
     if table is None:
         what = f"the file has no {request.axis} table"
         raise InputError(what, file=request.lut, fix=f"it has {', '.join(lut.tables)}")
-    return _with_table(model, request.axis, Curve(tuple(table.x.tolist()), tuple(table.y.tolist()), file))
+    return with_table(model, request.axis, Curve(tuple(table.x.tolist()), tuple(table.y.tolist()), file))
 
 
 def check_blooms(model: Model, axis: Axis) -> None:
     """Refuse a sensor whose beams do not hear each other's light: no table says anything of it."""
     why = with_role(f"{axis} blooming").why_not(model.sensor)
     if why:
-        raise InputError(f"{model.sensor.name} does not bloom: {why}", file=model.file, fix="look at its gap")
+        raise NotThereError(f"{model.sensor.name} does not bloom: {why}", file=model.file, fix="look at its gap")
 
 
-def _with_table(model: Model, axis: Axis, curve: Curve) -> Model:
+def with_table(model: Model, axis: Axis, curve: Curve) -> Model:
     """The model whose bloom along an axis is the table's: its effect keeps all else, or is added."""
     kind = with_role(f"{axis} blooming")
     if not any(isinstance(effect, kind) for effect in model.effects):

@@ -9,13 +9,13 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.blooming.beside import BesideTarget
-from lidarcheck.figures.data import Course, Curve, Page, Section, Table
+from lidarcheck.figures.data import Course, Page, Section, Table
+from lidarcheck.figures.pages.blooming_courses import beside_course, beside_curve
 from lidarcheck.figures.words import number
 
 __all__ = ["beside_document", "beside_page"]
 
 _OFFSET = {"vertical": "offset_layers", "horizontal": "offset_points"}
-_LABEL = {"vertical": "offset [layers]", "horizontal": "offset [points]"}
 _MOST_ROWS = 48
 
 
@@ -76,8 +76,6 @@ def _at(side: BesideTarget, offset: FloatArray, feature: str) -> FloatArray:
 def _course(name: str, one: BesideTarget, other: BesideTarget | None, feature: str) -> Course:
     sides = {"real": one} if other is None else {"real": one, "simulated": other}
     curves = tuple(
-        Curve(side, profile.offset, profile.features[feature])
-        for side, profile in sides.items()
-        if feature in profile.features
+        beside_curve(side, profile, feature) for side, profile in sides.items() if feature in profile.features
     )
-    return Course(f"{feature} beside the target at {name}", _LABEL[one.axis], f"mean {feature}", curves)
+    return beside_course(f"{feature} beside the target at {name}", feature, one.axis, curves)

@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING
 from lidarcheck.figures.data import Course, Curve
 
 if TYPE_CHECKING:
+    from lidarcheck.calibration.blooming.beside import BesideTarget
     from lidarcheck.calibration.blooming.cells import Profile
     from lidarcheck.formats.lut import Axis
 
-__all__ = ["LABELS", "profile_course", "profile_curve", "table_course"]
+__all__ = ["LABELS", "beside_course", "beside_curve", "profile_course", "profile_curve", "table_course"]
 
 LABELS: Mapping[str, str] = {"range": "range [m]", "PEAK": "PEAK", "AREA": "AREA", "WIDTH": "WIDTH [ns]"}
 """What a profile shows, and how its axis is called."""
 _OFFSETS: Mapping[Axis, str] = {"vertical": "SPAD rows, upward", "horizontal": "columns of 0.05 deg, to the left"}
+_BEAMS: Mapping[Axis, str] = {"vertical": "layers", "horizontal": "points"}
 
 
 def table_course(title: str, axis: Axis, curves: Iterable[Curve]) -> Course:
@@ -38,3 +40,14 @@ def profile_curve(name: str, profile: Profile, feature: str) -> Curve:
 
     values = profile.range_m if feature == "range" else profile.value[:, FEATURES.index(feature)]
     return Curve(name, profile.offset, values)
+
+
+def beside_course(title: str, feature: str, axis: Axis, curves: Iterable[Curve]) -> Course:
+    """Curves of a feature of any sensor over the offset in beams."""
+    label = LABELS["range"] if feature == "range" else f"mean {feature}"
+    return Course(title, f"offset [{_BEAMS[axis]}]", label, tuple(curves))
+
+
+def beside_curve(name: str, beside: BesideTarget, feature: str) -> Curve:
+    """The feature of what any sensor shows beside a target."""
+    return Curve(name, beside.offset, beside.range_m if feature == "range" else beside.features[feature])

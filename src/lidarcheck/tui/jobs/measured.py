@@ -92,11 +92,11 @@ class Measured:
         if kind == "gap":
             return one.request(kind, model)
         from lidarcheck.session.edited_settings import settings_path
-        from lidarcheck.tui.jobs.profiles import variant_of
+        from lidarcheck.tui.jobs.profiles import sensor_of
 
         axis: Axis = "horizontal" if choice.of("axis") == "horizontal" else "vertical"
         lut = next((entry.path for entry in self.project.of("lut") if entry.name == choice.of("lut")), None)
-        settings = None if one.ideal else settings_path(self.project, axis, variant_of(model))
+        settings = None if one.ideal else settings_path(self.project, axis, str(sensor_of(model).variant))
         if settings is not None and not settings.exists():
             settings = None
         return one.request(kind, model, axis=axis, lut=lut, settings=settings, target=choice.target)

@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from lidarcheck.session.node import Node
-from lidarcheck.session.session import CURRENT, FAILED, Session
+from lidarcheck.session.session import CURRENT, FAILED, NONE, Session
 from lidarcheck.tui.jobs.profiles import Choice, ProfileData, Profiles, compile_aside, first_time
 
 if TYPE_CHECKING:
-    from lidarcheck.calibration.blooming.cells import Profile
     from lidarcheck.formats.lut import LutTable
+    from lidarcheck.tui.jobs.profiles import Shown
 
 __all__ = ["ProfileWorker"]
 
@@ -50,12 +50,12 @@ class ProfileWorker:
     def found(self, choice: Choice) -> ProfileData | str | None:
         """A dataset as it was read, or in words why it cannot be; None while it is read."""
         word, derived = self._session.status(self._profiles.measured(choice))
-        if word.startswith(FAILED):
+        if word.startswith((FAILED, NONE)):
             return word.removeprefix(FAILED)
         found: ProfileData | None = derived.value if derived is not None and word == CURRENT else None
         return found
 
-    def expected(self, choice: Choice, table: LutTable | None) -> tuple[str, Profile | None]:
+    def expected(self, choice: Choice, table: LutTable | None) -> tuple[str, Shown | None]:
         """(its state, what a table is expected to show of a dataset); while that is computed what another table, or
         another file, was.
         """
@@ -82,7 +82,7 @@ class ProfileWorker:
         if found is None or isinstance(found, str) or table is None:
             return found is None
         word = self.expected(choice, table)[0]
-        return word != CURRENT and not word.startswith(FAILED)
+        return word != CURRENT and not word.startswith((FAILED, NONE))
 
     # In the thread
 

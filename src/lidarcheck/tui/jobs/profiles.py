@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lidarcheck.errors import InputError, LidarcheckError
+from lidarcheck.errors import InputError, LidarcheckError, NotThereError
 from lidarcheck.reading import apart, reading
 from lidarcheck.session.node import Node
 from lidarcheck.session.pairing import ideal_of, numbers_in
@@ -17,23 +17,29 @@ from lidarcheck.session.project import Project
 from lidarcheck.session.session import Session
 
 if TYPE_CHECKING:
+    from lidarcheck.calibration.blooming.beside import BesideTarget
     from lidarcheck.calibration.blooming.cells import Cells, Profile
     from lidarcheck.calibration.blooming.response import Response
     from lidarcheck.calibration.blooming.workflow import ModelSide
     from lidarcheck.formats.lut import Axis, LutTable
-    from lidarcheck.formats.settings import Settings
+    from lidarcheck.formats.settings import Setting, Settings
     from lidarcheck.model import Model
+    from lidarcheck.sensor import Sensor
+
+    Shown = Profile | BesideTarget
+    """What is seen over the offset: of a SPAD array, or of any other sensor."""
 
 __all__ = [
     "Choice",
     "Dataset",
     "ProfileData",
     "Profiles",
+    "Shown",
     "compile_aside",
     "datasets_of",
     "first_time",
     "retros_of",
-    "variant_of",
+    "sensor_of",
 ]
 
 
@@ -73,10 +79,20 @@ class Choice:
 
 @dataclass(frozen=True)
 class ProfileData:
-    """A dataset that was read: its cells and the measured profile."""
+    """A dataset that was read: the measured profile, and its cells, None of a sensor that is no SPAD array."""
 
-    cells: Cells
-    real: Profile
+    real: Shown
+    distance_m: float
+    cells: Cells | None = None
+
+    @property
+    def setting(self) -> Setting | None:
+        """The setting that said where its target is; None where none did."""
+        return None if self.cells is None else self.cells.setting
+
+    def has(self, feature: str) -> bool:
+        """Whether a feature was measured."""
+        return feature in ("range", *getattr(self.real, "features", (feature,)))
 
 
 def datasets_of(project: Project, axis: Axis) -> list[Dataset]:
@@ -114,10 +130,12 @@ class Profiles:
         held = None if settings is None else (settings.entries, settings.content is None)
         bare = self._bare(choice)
         part = (choice.about, dataset.is_profile, held, bare)
-        return Node("measured profile", 1, choice.about, files, lambda _told: self._read(choice, bare), part)
+        return Node("measured profile", 2, choice.about, files, lambda _told: self._read(choice, bare), part)
 
     def expected(self, choice: Choice, table: LutTable) -> Node:
-        """What is expected to be seen of a dataset with a table, without noise: `Profile`."""
+        """What is expected to be seen of a dataset with a table, without noise: `Profile`. Of a sensor that is no SPAD
+        array, whose mean echo is not known, what is simulated with a seed: `BesideTarget`.
+        """
         of = self.measured(choice)
         part = (of.choices, table.x, table.y)
         return Node("expected profile", 1, choice.about, of.files, lambda _told: self._expect(of, choice, table), part)
@@ -140,22 +158,47 @@ class Profiles:
             return load_model(choice.model)
 
     def _read(self, choice: Choice, bare: str) -> ProfileData:
+        from lidarcheck.calibration.blooming.beside import beside_target
         from lidarcheck.calibration.blooming.cells import profile_of
         from lidarcheck.calibration.blooming.workflow import BloomingMeasurement, gather
 
-        dataset = choice.dataset
-        cells = gather([BloomingMeasurement(dataset.path, None, dataset.ideal)], self._bench(choice))[0]
+        dataset, model = choice.dataset, self._model(choice)
+        measured = BloomingMeasurement(dataset.path, None, dataset.ideal)
+        if _counts(model):
+            cells = gather([measured], self._bench(choice))[0]
+            found = ProfileData(profile_of(cells), cells.distance_m, cells)
+        else:
+            beside = beside_target(measured, model, choice.axis)
+            found = ProfileData(beside, beside.distance_m)
         if self._bare(choice) != bare:
             raise InputError("was changed while it was read", file=choice.model, fix="look again")
-        return ProfileData(cells, profile_of(cells))
+        return found
 
-    def _expect(self, measured: Node, choice: Choice, table: LutTable) -> Profile:
+    def _expect(self, measured: Node, choice: Choice, table: LutTable) -> Shown:
         from lidarcheck.calibration.blooming.operator import nodes_of
         from lidarcheck.calibration.blooming.workflow import expected_profile
 
         shown: ProfileData = self.session.compute(measured).value
+        if shown.cells is None:
+            return self._simulated(choice, table)
         response = self._response(choice, shown.cells.within)
         return expected_profile(shown.cells, nodes_of(table, shown.cells.axis), response)
+
+    def _simulated(self, choice: Choice, table: LutTable) -> BesideTarget:
+        """The profile of what the model makes of the ideal scan with the table, which takes the place of its own."""
+        from lidarcheck.calibration.blooming.beside import beside_target_of
+        from lidarcheck.calibration.number.models import check_blooms, with_table
+        from lidarcheck.cases.source import ideal_of as read_ideal
+        from lidarcheck.effects.base import Curve
+        from lidarcheck.model import simulate
+
+        model, dataset = self._model(choice), choice.dataset
+        if dataset.ideal is None:
+            raise NotThereError("has no ideal scan to simulate", file=dataset.path, fix="name one like it")
+        check_blooms(model, choice.axis)
+        ideal = read_ideal(dataset.ideal, model.sensor)
+        model = with_table(model, choice.axis, Curve(tuple(table.x.tolist()), tuple(table.y.tolist()), ""))
+        return beside_target_of(simulate(ideal, model), ideal, model, choice.axis, str(dataset.ideal))
 
     def _response(self, choice: Choice, within: tuple[float, ...]) -> Response:
         """How the sensor answers to light. The first one on a machine compiles the model's kernels."""
@@ -174,7 +217,7 @@ class Profiles:
         retros = sorted(number for number, m in model.materials.items() if m.kind == "retro")
         if not retros:
             what = "the model has no retro-reflector, so nothing that blooms"
-            raise InputError(what, file=choice.model, fix="choose another model")
+            raise NotThereError(what, file=choice.model, fix="choose another model")
         material = choice.material if choice.material in retros else None
         if material is None and len(retros) > 1:
             material = retros[0]
@@ -182,11 +225,18 @@ class Profiles:
         return model_side_of(model, choice.axis, settings=settings, material=material)
 
 
-def variant_of(model: Path) -> str:
-    """The sensor variant that a model is of; errors name what is wrong with it."""
+def _counts(model: Model) -> bool:
+    """Whether it is a SPAD array that counts PEAK, AREA and WIDTH, whose mean echo is known."""
+    from lidarcheck.sensor import SpadArray
+
+    return isinstance(model.sensor.nominal, SpadArray)
+
+
+def sensor_of(model: Path) -> Sensor:
+    """The sensor that a model is of; errors name what is wrong with it."""
     from lidarcheck.model import load_model
 
-    return str(load_model(model).sensor.variant)
+    return load_model(model).sensor
 
 
 def first_time() -> bool:

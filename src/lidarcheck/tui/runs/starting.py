@@ -78,9 +78,9 @@ class Commands:
         self.host.ask(dialog, lambda start: self._start(form, screen) if start else None)
 
     def _start(self, form: CommandForm, screen: str) -> None:
-        edited = self.host.session.edited_of(form.reads(form.values))
+        edited = self._edited(form)
         if edited:
-            name = self.host.inside(edited[0])
+            name = self.host.inside(edited)
             self.host.say(
                 f"{name} has edits that are not saved, and the command reads the disk: S saves them", bad=True
             )
@@ -92,6 +92,13 @@ class Commands:
             self.host.say(error)
             return
         self.runs.start(plan, screen)
+
+    def _edited(self, form: CommandForm) -> str:
+        """A file with edits that are not saved, which the command would read without them; empty for none."""
+        session, copied = self.host.session, {os.path.realpath(path) for path in form.copied}
+        read = session.inputs().with_named(form.reads(form.values))
+        edited = session.edited_of(read)
+        return next((name for name in edited if os.path.realpath(name) not in copied), "")
 
     def _noted(self, plan: Plan) -> Plan:
         """The plan with what the model that it is for is now, so that it is known when that has changed meanwhile."""

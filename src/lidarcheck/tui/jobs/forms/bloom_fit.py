@@ -61,7 +61,7 @@ def bloom_fit_form(bench: FitBench) -> CommandForm:
     }
     return CommandForm(
         "Fit the table", fields, values, lambda given, directory: _plan(bench, given, directory),
-        lambda given: [bench.project.root / text_of(given, "model")],
+        lambda given: [bench.project.root / text_of(given, "model")], (bench.table,),
     )  # fmt: skip
 
 

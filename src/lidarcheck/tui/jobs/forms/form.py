@@ -31,7 +31,8 @@ class Field:
 @dataclass
 class CommandForm:
     """`make`: the plan for values and a directory for results, or an error that says what is missing; `reads`: the
-    files that the command reads from the disk, so that edits of these must be saved first.
+    files that the command reads from the disk, so that edits of these, and of the tables that a model among them names,
+    must be saved first; `copied`: those that it is handed with their edits.
     """
 
     title: str
@@ -39,6 +40,7 @@ class CommandForm:
     values: dict[str, tuple[str, ...]]
     make: Callable[[Values, str], Plan]
     reads: Callable[[Values], Sequence[Path]] = field(default=lambda _values: ())
+    copied: Sequence[Path] = ()
 
     def plan(self, directory: str) -> Plan:
         """What the values make, with what this process is permitted; `UsageError` where they make nothing."""

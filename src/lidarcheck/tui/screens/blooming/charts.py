@@ -8,13 +8,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lidarcheck.figures.pages.blooming_courses import profile_course, profile_curve, table_course
+from lidarcheck.figures.pages.blooming_courses import (
+    beside_course,
+    beside_curve,
+    profile_course,
+    profile_curve,
+    table_course,
+)
 from lidarcheck.tui.plots.chart import Chart, Form, Strip, Trace
 from lidarcheck.tui.plots.colours import PlotRole
 
 if TYPE_CHECKING:
-    from lidarcheck.calibration.blooming.cells import Profile
     from lidarcheck.formats.lut import Axis, LutTable
+    from lidarcheck.tui.jobs.profiles import Shown
 
 __all__ = ["NOW", "REAL", "SAVED", "WANTED", "curve_chart", "profile_chart"]
 
@@ -39,15 +45,20 @@ def curve_chart(tables: Mapping[str, LutTable], axis: Axis, at: int) -> Chart:
     )  # fmt: skip
 
 
-def profile_chart(feature: str, sides: Mapping[str, Profile], where: str, axis: Axis, key: Hashable) -> Chart:
+def profile_chart(feature: str, sides: Mapping[str, Shown], where: str, axis: Axis, key: Hashable) -> Chart:
     """A feature of the sides, `REAL` first, over the offset; below it how far `REAL` and `NOW` are apart.
 
     `where`: at which distance.
     """
-    course = profile_course("", feature, axis, ())
+    from lidarcheck.calibration.blooming.beside import BesideTarget
+
+    any_sensor = any(isinstance(side, BesideTarget) for side in sides.values())
+    course = (beside_course if any_sensor else profile_course)("", feature, axis, ())
     traces = []
     for name, side in sides.items():
-        curve = profile_curve(name, side, feature)
+        curve = (
+            beside_curve(name, side, feature) if isinstance(side, BesideTarget) else profile_curve(name, side, feature)
+        )
         traces.append(Trace(name, curve.x, curve.y, *_FORMS[name]))
     chart = Chart(
         ("profile", key, feature), f"{where} {course.y_label}", course.x_label, "", tuple(traces),

@@ -12,8 +12,8 @@ from lidarcheck.tui.screens.blooming.charts import curve_chart, profile_chart
 from lidarcheck.tui.widgets.lines import line
 
 if TYPE_CHECKING:
-    from lidarcheck.calibration.blooming.cells import Profile
     from lidarcheck.formats.lut import Axis, LutTable
+    from lidarcheck.tui.jobs.profiles import Shown
 
 __all__ = ["LEAST", "draw_curve", "draw_fault", "draw_profile", "draw_words"]
 
@@ -29,14 +29,14 @@ def draw_curve(pane: Plot, tables: Mapping[str, LutTable], at: int, axis: Axis) 
 def draw_profile(
     pane: Plot,
     feature: str,
-    sides: Mapping[str, Profile],
+    sides: Mapping[str, Shown],
     where: str,
     axis: Axis,
     *,
     key: Hashable,
     state: str = CURRENT,
 ) -> None:
-    """One of `FEATURES` of a dataset, by side, what was measured first. `where`: at which distance; `key`: of the
+    """A feature of a dataset, by side, what was measured first. `where`: at which distance; `key`: of the
     dataset; `state`: whether what is expected belongs to the table as it is shown.
     """
     pane.plot(profile_chart(feature, sides, where, axis, key), state=state)

@@ -28,19 +28,27 @@ class Fitting:
 
     def form(self) -> None:
         """The form of `bloom fit`, filled with what is seen."""
-        bench = self._bench()
+        try:
+            bench = self._bench()
+        except LidarcheckError as error:
+            self._view.say(error)
+            return
         if isinstance(bench, str):
             self._view.say(bench)
         else:
             self._view.host.commands.ask(bloom_fit_form(bench), self._view.NAME)
 
     def _bench(self) -> FitBench | str:
-        """What is seen; in words what is missing."""
+        """What is seen; in words what is missing. `LidarcheckError` where the model's sensor has no tables to fit."""
         selection, file, at = self._selection, self._table.file, self._selection.current
         if file is None:
             return "there is no table to fit here"
         if at is None or selection.model is None:
             return "no measurement in this project shows this table's axis" if at is None else "there is no model"
+        from lidarcheck.calibration.blooming.workflow import check_counts
+        from lidarcheck.model import load_model
+
+        check_counts(load_model(selection.model))
         settings = self._settings.file
         there = settings is not None and (settings.there or settings.dirty)
         return FitBench(

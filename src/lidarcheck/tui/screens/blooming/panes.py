@@ -65,7 +65,7 @@ class BloomingPanes(View):
         return min(len(TILES) - 1, (width - _LEFT + _GAP) // (LEAST[0] + _GAP)) if width >= _WIDE else 1
 
     def give_room(self, tiles: int, *, four: bool) -> None:
-        """Give each pane its room: all that there is to the tiles for `four` features where it is little."""
+        """Give each pane its room: all that there is to the tiles for the features where it is little."""
         width, height = self.size
         wide = width >= _WIDE
         self.query_one("#left").display = wide or not four
@@ -76,7 +76,7 @@ class BloomingPanes(View):
         columns = tiles if not four else 2 if width >= 2 * LEAST[0] else 1
         grid = self.query_one("#profiles", Grid)
         grid.styles.grid_gutter_vertical = _GAP if width >= 2 * LEAST[0] + _GAP else 0
-        grid.styles.grid_size_columns, grid.styles.grid_size_rows = columns, max(tiles // columns, 1)
+        grid.styles.grid_size_columns, grid.styles.grid_size_rows = columns, -(-tiles // columns)
         for at, pane in enumerate(self.all_tiles()):
             pane.display = at < tiles
         focused = self.app.focused

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from lidarcheck.session.choice import FEATURES
+from lidarcheck.session.model_choice import RANGE
 from lidarcheck.session.node import Node
 from lidarcheck.session.session import CURRENT, OLD
 from lidarcheck.tui.jobs.profile_worker import ProfileWorker
@@ -19,9 +19,9 @@ from lidarcheck.tui.screens.blooming.settings import SettingsEditor
 from lidarcheck.tui.screens.blooming.table import TableEditor
 
 if TYPE_CHECKING:
-    from lidarcheck.calibration.blooming.cells import Profile
     from lidarcheck.formats.lut import LutTable
     from lidarcheck.formats.settings import Setting
+    from lidarcheck.tui.jobs.profiles import Shown
 
 __all__ = ["DEBOUNCE_S", "BloomingPlots"]
 
@@ -65,10 +65,10 @@ class BloomingPlots:
             return self._settings.fault
         return found
 
-    def expectation(self, choice: Choice) -> tuple[str, Profile | None]:
+    def expectation(self, choice: Choice) -> tuple[str, Shown | None]:
         """(its state, what the table gives there); while that is computed, what it gave before the last edit."""
         word, profile = self.worker.expected(choice, self._table.table())
-        return "computing" if word.startswith(OLD) or not word else word, profile
+        return "computing" if word.startswith(OLD) or not word else self.panes.host.inside(word), profile
 
     def node(self) -> Node | None:
         """What the expectation of the dataset under the hand is computed by."""
@@ -76,7 +76,7 @@ class BloomingPlots:
         return None if choice is None or table is None else self.worker.node(choice, table)
 
     @property
-    def expected(self) -> Profile | None:
+    def expected(self) -> Shown | None:
         """The expectation of the dataset under the hand with the table as it is now; None until it is computed."""
         choice = self.selection.choice(self.selection.dataset)
         if choice is None:
@@ -93,13 +93,13 @@ class BloomingPlots:
     def setting(self) -> Setting | None:
         """The setting that said where the target of the dataset under the hand is; None where none did."""
         shown = self.shown()
-        return None if shown is None else shown.cells.setting
+        return None if shown is None else shown.setting
 
     def distance_in_words(self) -> str:
         """The distance of the dataset under the hand [m]: as read, else by its name; empty where neither tells."""
         shown, dataset = self.shown(), self.selection.current
         if shown is not None:
-            return f"{shown.cells.distance_m:.1f}"
+            return f"{shown.distance_m:.1f}"
         number = re.search(r"\d+(?:[._]\d+)?(?=m)", dataset.path.stem if dataset else "")
         return number[0].replace("_", ".") if number else ""
 
@@ -183,18 +183,20 @@ class BloomingPlots:
             draw_fault(pane, self.panes.host.inside(found), where)
         elif found is None:
             draw_words(pane, "reading ...", where)
+        elif not found.has(feature):
+            draw_words(pane, f"none: {choice.dataset.name} has no {feature}", where)
         else:
             sides, state = {REAL: found.real}, CURRENT
-            if FEATURES[feature] != "range" and self._table.file is not None:
+            if feature != RANGE and self._table.file is not None:
                 state, expected = self.expectation(choice)
                 sides |= {} if expected is None else {NOW: expected}
                 saved = self._saved(choice)
                 sides |= {} if saved is None else {SAVED: saved}
             key = (choice.dataset.name, choice.model.name)
             where = f"{self._distance(dataset, found)}, {dataset + 1}/{len(datasets)}"
-            draw_profile(pane, FEATURES[feature], sides, where, choice.axis, key=key, state=state)
+            draw_profile(pane, feature, sides, where, choice.axis, key=key, state=state)
 
-    def _saved(self, choice: Choice) -> Profile | None:
+    def _saved(self, choice: Choice) -> Shown | None:
         """What the table as the disk has it gives there, where that is another and was computed."""
         if self._table.file is None or not self._table.file.dirty:
             return None
@@ -203,6 +205,6 @@ class BloomingPlots:
 
     def _distance(self, dataset: int, found: ProfileData) -> str:
         """The distance of a tile, within < > where it is the one of several that n and p go on from."""
-        distance = f"{found.cells.distance_m:.1f} m"
+        distance = f"{found.distance_m:.1f} m"
         several = not self.selection.four and len(self.selection.tiles()) > 1
         return f"<{distance}>" if several and dataset == self.selection.dataset else distance

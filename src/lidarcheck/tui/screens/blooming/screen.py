@@ -56,7 +56,7 @@ class Blooming(EditActions):
         "with the table as it is edited. It follows an edit by itself. n and p go to the next and previous distance, "
         "f to the next feature. The strip below says how far real and now are apart. " + PLOT_WORDS + " Enter names "
         "the beams. From 150 columns on up to three distances stand side by side, and < > is about the "
-        "one that n and p go on from. b shows all four features of one distance, and goes back.",
+        "one that n and p go on from. b shows all features of one distance, and goes back.",
     }
     WORDS |= dict.fromkeys(TILES, WORDS["profile"])
     BINDINGS: ClassVar[list[Any]] = [

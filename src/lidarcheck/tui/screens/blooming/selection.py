@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.session.choice import FEATURES
+from lidarcheck.session.model_choice import RANGE, features_of
 from lidarcheck.tui.jobs.measured import bloom_model
-from lidarcheck.tui.jobs.profiles import Choice, Dataset, datasets_of, retros_of, variant_of
+from lidarcheck.tui.jobs.profiles import Choice, Dataset, datasets_of, retros_of, sensor_of
+from lidarcheck.tui.screens.blooming.panes import TILES
 from lidarcheck.tui.screens.blooming.settings import SettingsEditor
 from lidarcheck.tui.screens.blooming.table import TableEditor
 from lidarcheck.tui.screens.shared.view import View
@@ -19,7 +20,7 @@ class Selection:
     """Indices into what there is; what the user chose is kept for the next start.
 
     `four`: all features of one distance are shown, not one feature at several distances. `across`: how many distances
-    there is room for.
+    there is room for. `features`: those of the model's sensor.
     """
 
     def __init__(self, view: View, table: TableEditor, settings: SettingsEditor) -> None:
@@ -30,11 +31,12 @@ class Selection:
         self.four = False
         self.across = 1
         self.model: Path | None = None
+        self.features: tuple[str, ...] = (RANGE,)
 
     @property
-    def feature(self) -> int:
+    def feature(self) -> str:
         """The feature that is looked at."""
-        return FEATURES.index(self.view.host.choice.feature)
+        return self.view.host.choice.feature(self.features)
 
     @property
     def material(self) -> int | None:
@@ -61,7 +63,8 @@ class Selection:
         variant = ""
         if self.model is not None:
             try:
-                variant = variant_of(self.model)
+                sensor = sensor_of(self.model)
+                variant, self.features = str(sensor.variant), features_of(sensor)
             except LidarcheckError as error:
                 self.view.say(error)
         self._settings.find(variant, self._table.axis)
@@ -134,11 +137,11 @@ class Selection:
         self.view.say(f"target: material {material}")
 
     def next_feature(self) -> bool:
-        """AREA, PEAK, WIDTH, range."""
+        """The next feature of the sensor."""
         if self.four:
-            self.view.say("all four are shown; b goes back to one of them")
+            self.view.say("all features are shown; b goes back to one of them")
             return False
-        self.view.host.choice.next_feature()
+        self.view.host.choice.next_feature(self.features)
         return True
 
     # What is seen
@@ -148,10 +151,10 @@ class Selection:
         """The dataset that n and p go on from."""
         return self.datasets[self.dataset] if self.datasets else None
 
-    def tiles(self) -> list[tuple[int, int]]:
+    def tiles(self) -> list[tuple[int, str]]:
         """(dataset, feature) of each pane that is seen."""
         if self.four:
-            return [(self.dataset, feature) for feature in range(len(FEATURES))]
+            return [(self.dataset, feature) for feature in self.features[: len(TILES)]]
         number = max(min(self.across, len(self.datasets)), 1)
         first = max(min(self.dataset, len(self.datasets) - number), 0)
         return [(first + i, self.feature) for i in range(number)]
