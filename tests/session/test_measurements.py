@@ -2,9 +2,12 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from bag_kit import CLOUD, START_NS, Message, ros1_cloud, write_ros1
 from lidarcheck.calibration.number.request import Request
+from lidarcheck.cli import main
 from lidarcheck.session.measurements import measurements
 from lidarcheck.session.project import read_project
 from number_kit import MODEL, project, table
@@ -85,3 +88,19 @@ def test_the_command_and_whoever_asks_by_itself_get_one_number(tmp_path, capsys)
     assert "any of 2 models could be meant; say which with --model" in capsys.readouterr().err
     assert main(["gap", str(place / "real_100m.parquet"), "--model", str(place / "model.toml"), "--quiet"]) == 2
     assert "no ideal scan; name its ideal scan with --ideal" in capsys.readouterr().err
+
+
+def test_a_bag_says_what_makes_measurements_of_its_frames(tmp_path, monkeypatch):
+    pytest.importorskip("rosbags")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my drives").mkdir()
+    columns = {name: np.ones(3, np.float32) for name in ("x", "y", "z", "intensity")}
+    write_ros1(tmp_path / "my drives/a.bag", [Message("/points", CLOUD, START_NS, ros1_cloud(columns))])
+    (tmp_path / "cut.mcap").write_bytes(b"nothing")
+    cut, bag = measurements(read_project(tmp_path))
+    assert (bag.kind, bag.why) == ("bag", "lidarcheck dataset scan 'my drives' makes measurements of its frames")
+    assert cut.why.startswith(("is no recording", "cannot tell", "not a"))
+    assert main(["dataset", "scan", "my drives", "--quiet"]) == 0
+    _, frame = measurements(read_project(tmp_path))
+    assert frame.name == "my drives/a.bag#/points@0"
+    assert frame.why.startswith("no ideal scan: frame 0 of dataset.toml")

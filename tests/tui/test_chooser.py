@@ -58,7 +58,7 @@ def test_three_letters_and_enter_reach_everything(project):
         await opens(*"157")
         await until(pilot, lambda: view.selection.current.name == "measured/sign_157m.csv")
         await opens(*"WID")
-        assert app.choice.feature == "WIDTH"
+        assert app.choice.of("feature") == "WIDTH"
         await opens("=", *"SMA")
         assert app.choice.of("model") == "models/SMART.toml"
         await opens(*"both")

@@ -5,12 +5,15 @@ Files belong together by their names (`pairing`), by what a data set declares, o
 
 from __future__ import annotations
 
+import os
+import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lidarcheck.errors import LidarcheckError
+from lidarcheck.formats.field.place import named
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.session.pairing import ideal_of, is_simulated, labels_of, measured_in, numbers_in, partner_of
 from lidarcheck.session.project import Entry, Project
@@ -27,7 +30,8 @@ NO_IDEAL = "no ideal scan"
 
 @dataclass(frozen=True)
 class Measurement:
-    """One measurement: its name within the project and what it is, `scan`, `frames`, `profile`, `case` or a class.
+    """One measurement: its name within the project and what it is, `scan`, `frames`, `profile`, `case`, `bag` or a
+    class.
 
     `distance_m`: as names or a data set say, None where they do not. `files`: the scans, or the profile, or the case's
     directory; `ideal`: one for each, or one for all. `why`: why it has no number at all, empty where it has one.
@@ -76,12 +80,13 @@ def measurements(project: Project) -> list[Measurement]:
     """All of a project, the nearest first within a folder."""
     found = [*_cases(project), *_datasets(project)]
     taken = [file.parent if file.is_file() else file for one in found for file in one.files if one.kind == "case"]
-    own = {file.resolve() for one in found for file in one.files}
+    own = {named(file).file.resolve() for one in found for file in one.files}
 
     def is_free(entry: Entry) -> bool:
         return entry.path.resolve() not in own and not any(place in entry.path.parents for place in taken)
 
     found += [_profile(entry) for entry in project.of("profile", sound=False) if is_free(entry)]
+    found += [_recording(entry, project) for entry in project.of("recording", sound=False) if is_free(entry)]
     found += _scans(project, [entry for entry in _measured(project) if is_free(entry)])
     return sorted(found, key=lambda one: (str(Path(one.name).parent), numbers_in(one.name)))
 
@@ -112,6 +117,13 @@ def _profile(entry: Entry) -> Measurement:
     return Measurement(entry.name, "profile", _distance_of(entry), (entry.path,), why=_fault(entry))
 
 
+def _recording(entry: Entry, project: Project) -> Measurement:
+    """A bag or trace whose frames no data set declares."""
+    folder = shlex.quote(entry.path.parent.relative_to(project.root).as_posix())
+    why = _fault(entry) or f"lidarcheck dataset scan {folder} makes measurements of its frames"
+    return Measurement(entry.name, "bag", _distance_of(entry), (entry.path,), why=why)
+
+
 def _distance_of(entry: Entry) -> float | None:
     from lidarcheck.calibration.vehicles.kinds import distance_in_name
 
@@ -137,7 +149,8 @@ def _datasets(project: Project) -> Iterator[Measurement]:
         for frame in frames:
             why = "" if frame.ideal is not None else f"{NO_IDEAL}: frame {frame.number} of {file.name} names none"
             yield Measurement(
-                f"{name}/{frame.measured.name}", frame.kind or "scan", frame.distance_m, (frame.measured,),
+                Path(os.path.relpath(frame.measured, project.root)).as_posix(), frame.kind or "scan",
+                frame.distance_m, (frame.measured,),
                 () if frame.ideal is None else (frame.ideal,), why, frame.declared.placement,
             )  # fmt: skip
 

@@ -16,7 +16,7 @@ from lidarcheck.errors import InputError, LidarcheckError
 
 __all__ = ["KINDS", "Entry", "Project", "read_project"]
 
-KINDS = ("scenario", "golden", "model", "case", "scene", "lut", "settings", "profile", "ideal", "scan")
+KINDS = ("scenario", "golden", "model", "case", "scene", "lut", "settings", "profile", "ideal", "scan", "recording")
 """What a file can be."""
 
 _SKIPPED = {"node_modules", "__pycache__", "build", "dist"}
@@ -24,6 +24,7 @@ _CASE = "case.toml"
 _DEEPEST, _MOST = 5, 5000
 _SCANS = {".txt", ".csv", ".asc", ".xyz", ".pcd", ".ply", ".las", ".laz", ".parquet", ".pq"}
 _TABLES = {".ini", ".cfg", ".conf"}
+_RECORDINGS = {".mcap", ".bag", ".db3", ".e57", ".osi", ".txth"}
 _LUT = re.compile(rb"^[ \t]*PostPro\.LUT_bloom", re.IGNORECASE | re.MULTILINE)
 _PROFILE = re.compile(
     rb"^(?:\xef\xbb\xbf)?[^\r\n]*\b(?:offset_(?:spad_rows|columns|layers|points)|feature[ \t]*,[ \t]*y_m)\b",
@@ -118,7 +119,7 @@ def _files(root: Path, closed: list[Entry]) -> Iterator[Path]:
 def _entry(path: Path, name: str) -> Entry | None:
     """What a file is; None for what is no business of ours."""
     suffix = path.suffix.lower()
-    if suffix not in {".toml", ".json", *_SCANS, *_TABLES}:
+    if suffix not in {".toml", ".json", *_SCANS, *_TABLES, *_RECORDINGS}:
         return None
     kind = _expected(name, suffix)
     try:
@@ -143,7 +144,7 @@ def _expected(name: str, suffix: str) -> str | None:
         return "settings" if _SETTINGS.search(parts[-1]) else None
     if suffix in _TABLES:
         return "lut" if "lut" in parts[-1].lower() else None
-    return "scan"
+    return "recording" if suffix in _RECORDINGS else "scan"
 
 
 def _recognised(path: Path, name: str, suffix: str) -> Entry | None:
@@ -151,6 +152,8 @@ def _recognised(path: Path, name: str, suffix: str) -> Entry | None:
         return _toml(path, name)
     if suffix == ".json":
         return _settings(path, name) if _SETTINGS.search(path.name) else None
+    if suffix in _RECORDINGS:
+        return _recording(path, name)
     from lidarcheck.formats.source import first_bytes
 
     start = first_bytes(path, 8192)
@@ -183,6 +186,16 @@ def _scan(path: Path, name: str, suffix: str, start: bytes) -> Entry | None:
     if form in ("text", "csv") and not _SCAN.search(start.split(b"\n", 1)[0]):
         return None  # notes, logs: a text like any other
     return Entry(path, "scan", name)
+
+
+def _recording(path: Path, name: str) -> Entry:
+    """By how it begins: what it holds is looked at by commands alone, as it may be large."""
+    from lidarcheck.formats.field.recording import RECORDINGS
+    from lidarcheck.formats.recognise import recognise
+
+    if recognise(path) not in RECORDINGS:
+        raise InputError("is no recording by its content", file=path, fix="is it whole?")
+    return Entry(path, "recording", name)
 
 
 def _settings(path: Path, name: str) -> Entry:

@@ -17,7 +17,7 @@ __all__ = ["PREFIXES", "Chooser", "Opening", "ranked"]
 PREFIXES: Mapping[str, tuple[str, ...]] = {
     "@": ("measured",),
     "#": ("scenario", "case", "golden", "scene"),
-    "%": ("lut", "settings", "model", "ideal"),
+    "%": ("lut", "settings", "model", "ideal", "recording"),
     "=": ("model", "table", "feature", "target", "effect", "source"),
     ":": ("action",),
 }

@@ -22,7 +22,7 @@ __all__ = ["openings"]
 
 _LISTED = {"scenario": "overview", "case": "explain", "golden": "goldens"}
 """On which screen a kind of file has its line."""
-_LOOKED_AT = ("ideal", "scene")
+_LOOKED_AT = ("ideal", "scene", "recording")
 _MOST_LINES, _MOST_BYTES = 200, 20_000
 
 

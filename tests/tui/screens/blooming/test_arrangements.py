@@ -60,7 +60,7 @@ def test_all_features_of_one_distance_by_one_key(project):
         await pilot.press("right_square_bracket")  # + zooms the plot that has the focus
         await says(app, pilot, "X = -160: scaled 449")
         await pilot.press("f")
-        await says(app, pilot, "all four are shown")
+        await says(app, pilot, "all features are shown")
         await pilot.press("n")
         await until(pilot, lambda: all("157.0 m" in head for head in heads(app)))
         await pilot.press("b")

@@ -105,7 +105,7 @@ def test_tables_files_datasets_models(project):
         assert selection.datasets[selection.dataset].name == "measured/sign_157m.csv"
         await pilot.press("p", "f")
         assert selection.dataset == 0
-        assert selection.feature == 1
+        assert selection.feature == "PEAK"
         await done(app, "next target")
         await says(app, pilot, "target: material")
         await done(app, "next model")

@@ -29,7 +29,7 @@ _OWN = "this measurement: "
 
 def measured_of(project: Project) -> list[Measurement]:
     """The scans and sets of frames of a project, which commands are given by their files."""
-    return [one for one in measurements(project) if one.kind not in ("profile", "case") and one.files]
+    return [one for one in measurements(project) if one.kind not in ("profile", "case", "bag") and one.files]
 
 
 @dataclass(frozen=True)
