@@ -101,6 +101,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("log", "", ("L",), "", "show or hide the log", "log", reason=_PLACE),
     Action("theme", "", ("T",), "", "next theme: dark, light, high contrast, plain", "theme", "tui", "--theme"),
     Action("marks", "", ("M",), "", "plots of braille, of blocks, of ASCII, of one character a cell", "marks", "tui", "--marks"),
+    Action("draw again", "", ("ctrl+l",), "", "draw the whole screen again, after something else has written into it", "draw_again", reason=_ALONE),
     Action("copy", "", ("c",), "", "copy the pane to the terminal's clipboard (OSC 52)", "copy", reason="a shell copies its own output"),
     Action("write", "", ("w",), "", "write the pane's text to a file; on Cloud both sides as one cloud", "write", reason="a shell writes to a file with >"),
     Action("baseline", "", ("B",), "", "compare numbers with what is set now, or no longer", "baseline", reason=_ALONE),

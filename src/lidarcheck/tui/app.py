@@ -326,8 +326,18 @@ class LidarcheckApp(Everywhere):
         self.commands.closing()
         save_state(self.state, self.project.root)
 
+    def action_draw_again(self) -> None:
+        """Send the whole screen."""
+        self._forget_terminal()
+        self.screen.refresh()
+
+    def _forget_terminal(self) -> None:
+        if callable(forget := getattr(self._driver, "forget", None)):
+            forget()
+
     def on_resize(self, event: events.Resize) -> None:
         """Bars are cut to the new width."""
+        self._forget_terminal()  # which may have moved or cut what it showed
         if self.bars.top.is_mounted:
             self._columns = event.size.width
             self._bars()

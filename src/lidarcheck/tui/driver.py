@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import selectors
 from codecs import getincrementaldecoder
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -29,11 +30,16 @@ class TerminalDriver(LinuxDriver):
 
     def __init__(self, *arguments: Any, **how: Any) -> None:
         super().__init__(*arguments, **how)
-        self._few = FewBytes(is_seven_bit(os.environ))
+        self._few = FewBytes(is_seven_bit(os.environ), *_erasing(os.environ))
 
     def write(self, data: str) -> None:
         """Write to the terminal."""
-        super().write(self._few(data))
+        if short := self._few(data):
+            super().write(short)
+
+    def forget(self) -> None:
+        """The terminal may show something else than what was written to it."""
+        self._few.forget()
 
     def run_input_thread(self) -> None:
         """Hand on what comes. What is pasted may be anything: Textual's own decoder ends at bytes that are no UTF-8."""
@@ -61,3 +67,16 @@ class TerminalDriver(LinuxDriver):
         if self._mouse:
             self.write(_MOUSE)
             self.flush()
+
+
+def _erasing(environment: Mapping[str, str]) -> tuple[bool, bool]:
+    """Whether the terminal can erase cells, and does so in the colour that is set."""
+    if "TMUX" in environment:  # whose entries in the database are older than it
+        return True, True
+    try:
+        import curses
+
+        curses.setupterm(environment.get("TERM", ""), fd=1)
+        return bool(curses.tigetstr("ech")), curses.tigetflag("bce") > 0
+    except (ImportError, OSError, curses.error):
+        return False, False

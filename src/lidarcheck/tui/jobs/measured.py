@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from lidarcheck.formats.lut import Axis
     from lidarcheck.session.choice import Choice
 
-__all__ = ["Measured", "bloom_model"]
+__all__ = ["Measured", "bloom_model", "model_beside"]
 
 _TARGETS = ("profile", "sign")
 
@@ -55,7 +55,7 @@ class Measured:
         return self.kind(one), self._variant(one)
 
     def _variant(self, one: Measurement) -> str:
-        return labels_of(Entry(one.files[0], "scan", one.name)).variant
+        return _variant_of(one.files[0], one.name)
 
     # Numbers
 
@@ -72,9 +72,7 @@ class Measured:
             return why
         if kind == "misfit" and self.kind(one) not in _TARGETS:
             return one.why_none("gap")
-        wanted = choice.of("model")
-        beside = one.files[0] if one.files[0].is_dir() else one.files[0].parent
-        model = chosen_model(self.project, "" if wanted == NONE else wanted, beside, self._variant(one))
+        model = model_beside(self.project, choice, one.files[0], one.name)
         model = model or (self._bloom_model() if kind == "misfit" else None)
         if model is None:
             return which_model(self.project.of("model"))
@@ -100,6 +98,17 @@ class Measured:
         if settings is not None and not settings.exists():
             settings = None
         return one.request(kind, model, axis=axis, lut=lut, settings=settings, target=choice.target)
+
+
+def _variant_of(file: Path, name: str) -> str:
+    return labels_of(Entry(file, "scan", name)).variant
+
+
+def model_beside(project: Project, choice: Choice, file: Path, name: str) -> Entry | None:
+    """The model that a measurement is looked at with: the one that is chosen, else the one that can be meant."""
+    wanted = choice.of("model")
+    beside = file if file.is_dir() else file.parent
+    return chosen_model(project, "" if wanted == NONE else wanted, beside, _variant_of(file, name))
 
 
 def bloom_model(project: Project) -> Entry | None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.session.model_choice import RANGE, features_of
-from lidarcheck.tui.jobs.measured import bloom_model
+from lidarcheck.tui.jobs.measured import bloom_model, model_beside
 from lidarcheck.tui.jobs.profiles import Choice, Dataset, datasets_of, retros_of, sensor_of
 from lidarcheck.tui.screens.blooming.panes import TILES
 from lidarcheck.tui.screens.blooming.settings import SettingsEditor
@@ -54,8 +54,9 @@ class Selection:
         wanted = next((dataset.name for dataset in self.datasets if dataset.path == path), "")
         kept = min(self.dataset, max(len(names) - 1, 0))
         self.dataset = names.index(wanted) if wanted in names else kept
-        chosen = next((entry for entry in project.of("model") if entry.name == choice.of("model")), None)
-        model = chosen or bloom_model(project)
+        at = self.current
+        meant = None if at is None else model_beside(project, choice, at.path, at.name)
+        model = meant or bloom_model(project)
         self.model = None if model is None else model.path
         self._find_settings()
 
