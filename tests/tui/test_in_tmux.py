@@ -8,6 +8,8 @@ import time
 
 import pytest
 
+import number_kit
+from lidarcheck.calibration.number.entry import sample
 from screen_kit import Screen
 from tmux_kit import children, is_running, tmux  # noqa: F401 - a fixture
 from tui_kit import make_project
@@ -21,8 +23,8 @@ def row_of(text):
     return next((line[:36] for line in text.splitlines() if re.search(r" 455[_ ] ", line)), "")
 
 
-def wait(true, shown):
-    end = time.monotonic() + 30.0
+def wait(true, shown, seconds=120.0):
+    end = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < end, shown()
         time.sleep(0.05)
@@ -62,6 +64,34 @@ def test_an_edit_outlives_resizing_detaching_and_a_hang_up(tmux, tmp_path):  # n
     wait(lambda: row_of(tmux.text), lambda: tmux.text)
     tmux.keys("u")
     wait(lambda: not row_of(tmux.text), lambda: tmux.text)
+
+
+def test_from_a_fresh_project_to_a_fitted_table_that_is_better_and_saved(tmux, tmp_path):  # noqa: F811
+    folder = number_kit.project(tmp_path / "project/signs")
+    lut = folder / "table.ini"
+    lut.write_text(number_kit.table([min(4.0 * y, 1.0) for y in number_kit.TRUE]))
+    before = lut.read_text()
+    tmux.start(folder.parent, (80, 24), "--no-mouse")
+    wait(lambda: re.search(r"sign 100 m 1/1 \| misfit [\d.]+ sd *$", tmux.text, re.MULTILINE), lambda: tmux.text)
+    tmux.keys("F5")
+    tmux.sees("table.ini vertical")
+    tmux.keys("F")
+    tmux.sees("> lidarcheck bloom fit signs/real_100m.parquet")
+    tmux.keys("End", "Enter")
+    tmux.sees("Take it over", 120.0)
+    assert lut.read_text() == before
+    tmux.keys("y")
+    wait(lambda: re.search(r"\*\d+ model \| .* edit -[\d.]+ better", tmux.text), lambda: tmux.text)
+    assert lut.read_text() == before
+    tmux.keys("S")
+    tmux.sees("Save table.ini")
+    tmux.keys("y")
+    wait(lambda: lut.read_text() != before and "table.ini model |" in tmux.text, lambda: tmux.text)
+    [fitted] = (folder.parent / ".lidarcheck/tui/runs").glob("*/out/table.ini")
+    assert lut.read_text() == fitted.read_text()
+    started = sample(number_kit.asked(folder))
+    lut.write_text(before)
+    assert started.value < 0.5 * sample(number_kit.asked(folder)).value
 
 
 def test_a_screen_is_read_as_it_was_written():

@@ -128,13 +128,7 @@ ACTIONS: tuple[Action, ...] = (
     # Histograms
     *page_actions("histograms", "vehicles compare", "real against simulated"),
     Action("next source", "histograms", (), "", "compare with the simulated files, or with what the next model makes of the ideal scans", "next_source", "vehicles compare", "--model"),
-    Action("beside", "histograms", ("b",), "Beside", "both vehicles beside each other, from top and side, or the histograms", "beside", "vehicles merge", "beside"),
-    Action("step up", "histograms", ("plus", "equals_sign"), "", "beside: the simulated vehicle 0.25 m to the left (Y)", "nudge(0, 1)", "vehicles merge", "--y"),
-    Action("step down", "histograms", ("minus",), "", "beside: 0.25 m to the right (Y)", "nudge(0, -1)", "vehicles merge", "--y"),
-    Action("step ahead", "histograms", ("right_square_bracket",), "", "beside: 0.25 m forward (X)", "nudge(1, 0)", "vehicles merge", "--x"),
-    Action("step back", "histograms", ("left_square_bracket",), "", "beside: 0.25 m backward (X)", "nudge(-1, 0)", "vehicles merge", "--x"),
-    Action("suggested", "histograms", (), "", "beside: the offset that the vehicle's size suggests", "suggested", "vehicles merge", "suggested"),
-    Action("merged cloud", "histograms", (), "", "write both vehicles as one cloud (PCD)", "write_cloud", "vehicles merge", "--out"),
+    Action("beside", "histograms", ("b",), "Beside", "both vehicles beside each other as points: Cloud", "beside", "vehicles merge", "beside"),
     Action("sheet", "histograms", (), "", "write the histograms of all distances as one picture (PNG)", "write_sheet", "vehicles compare", "--out"),
     # Noise
     *page_actions("noise", "panels", "--model"),

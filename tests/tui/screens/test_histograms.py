@@ -2,13 +2,10 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from bench_kit import make_bench
 from lidarcheck.cli import main
-from lidarcheck.formats.recognise import read_table
-from lidarcheck.formats.scans import scan_from_table
 from lidarcheck.session.project import Entry, Project, read_project
 from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.jobs.vehicles import FILES, groups_of, job_of, options_of, source_of
@@ -198,53 +195,6 @@ def test_what_a_model_makes_is_what_the_command_makes(inside, capsys):
     assert read == named
 
 
-def test_both_beside_each_other_are_nudged_and_written(inside, capsys):
-    async def do(app, pilot, view):
-        await pilot.press("b")
-        await says(app, pilot, "r computes it first")
-        await computed(pilot, view)
-        await pilot.press("plus")
-        await says(app, pilot, "b shows both vehicles beside each other first")
-        await pilot.press("b")
-        await sees(app, pilot, "X 0 m, Y -3 m (suggested 0 and -3), 1 of 4")
-        await until(pilot, lambda: "from above" in text_of(app) and "from the side" in text_of(app))
-        await pilot.press("n", "v")
-        await says(app, pilot, "seen from above and from the side")
-        assert view.board.tiles()[0].chart.key[0] == "car SMART at 16 m"
-        await pilot.press("minus", "minus", "plus", "right_square_bracket")
-        await sees(app, pilot, "X 0.25 m, Y -3.25 m (suggested 0 and -3), 2 of 4")
-        await done(app, "merged cloud")
-        await sees(app, pilot, "as one cloud")
-        await pilot.press("enter")
-        await says(app, pilot, "car_SMART_16m_merged.pcd: ")
-        await until(pilot, lambda: not view.exports.writing)
-        await pilot.press("p")
-        await sees(app, pilot, "X 0 m, Y -3 m (suggested 0 and -3), 1 of 4")
-        await pilot.press("n", "left_square_bracket")
-        await done(app, "suggested")
-        await sees(app, pilot, "X 0 m, Y -3 m (suggested 0 and -3), 2 of 4")
-        await done(app, "merged cloud")
-        await sees(app, pilot, "as one cloud")
-        await pilot.press("ctrl+u", *"car.doc", "enter")
-        await says(app, pilot, "car.doc")
-        await pilot.press("b")
-        await sees(app, pilot, "16 m, PEAK")
-        await pilot.press("ctrl+r")
-        await until(pilot, lambda: app.reads == 2)
-        assert [job.name for job in view.listed] == ["car SMART", "van SLIM", "truck SMART"]
-
-    histograms(inside, do)
-    assert not Path("car.doc").exists()
-    files = ("car_16m_SMART_real.pcd", "car_16m_SMART_sim.pcd", "--ideal", "ideal_car_16m.parquet")
-    offset = ("--vehicle", "car", "--x", "0.25", "--y", "-3.25", "--out", "by_command.pcd")
-    assert main(["vehicles", "merge", *files, *offset]) == 0
-    assert Path("by_command.pcd").read_bytes() == Path("car_SMART_16m_merged.pcd").read_bytes()
-    merged = scan_from_table(read_table(Path("by_command.pcd")))
-    sides = [merged.y_m[merged.extra["Simulated"] == side].mean() for side in (0, 1)]
-    assert sides[1] - sides[0] == pytest.approx(-3.25, abs=1e-3)
-    assert np.unique(merged.extra["Simulated"]).tolist() == [0, 1]
-
-
 def test_the_source_is_chosen_and_kept_and_going_back_computes_nothing(bench):
     async def do(app, pilot, view):
         await computed(pilot, view)
@@ -260,7 +210,6 @@ def test_the_source_is_chosen_and_kept_and_going_back_computes_nothing(bench):
         await sees(app, pilot, "truck SMART cannot be computed: no simulated file or ideal scan")
         await done(app, "next source")
         await says(app, pilot, "there is nothing to compare with")
-        await done(app, "merged cloud")
         await done(app, "sheet")
         await says(app, pilot, "r computes it first")
 
@@ -289,8 +238,9 @@ def test_a_fault_in_every_file_is_that_of_the_vehicle(bench):
 def test_an_empty_project_says_what_is_needed(tmp_path):
     async def do(app, pilot):
         await sees(app, pilot, "car_20m_real.txt")
-        await pilot.press("r", "n", "v", "t", "e", "b", "plus", "down")
-        await says(app, pilot, "r computes it first")
+        await pilot.press("r", "n", "v", "t", "e", "down")
+        await pilot.press("b")
+        await until(pilot, lambda: app.view.NAME == "cloud")
 
     drive(LidarcheckApp(tmp_path, screen="histograms"), do)
 
@@ -300,7 +250,7 @@ def test_any_size_down_to_one_by_one(bench):
         await computed(pilot, view)
         for size in ((1, 1), (5, 3), (40, 10), (200, 60), (3, 40), (80, 24)):
             await pilot.resize_terminal(*size)
-            await pilot.press("n", "b", "plus", "n", "t")
+            await pilot.press("n", "n", "t")
             await pilot.pause()
         await sees(app, pilot, "? Help")
 
@@ -308,12 +258,11 @@ def test_any_size_down_to_one_by_one(bench):
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
-@pytest.mark.parametrize("beside", [False, True])
-def test_snapshots(bench, beside, size):
+def test_snapshots(bench, size):
     async def do(app, pilot, view):
         await computed(pilot, view)
-        await pilot.press("n", *("b" if beside else ""))
-        await says(app, pilot, "2 of " if not beside else "suggested")
-        await as_stored(app, pilot, f"histograms{'_beside' if beside else ''}_{size[0]}x{size[1]}")
+        await pilot.press("n")
+        await says(app, pilot, "2 of ")
+        await as_stored(app, pilot, f"histograms_{size[0]}x{size[1]}")
 
     histograms(bench, do, size)

@@ -1,4 +1,4 @@
-"""Histograms: vehicles at their distances, real against simulated, and both beside each other."""
+"""Histograms: vehicles at their distances, real against simulated. As points Cloud shows them."""
 
 from __future__ import annotations
 
@@ -22,13 +22,12 @@ from lidarcheck.tui.widgets.lines import Line, Lines, line
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.vehicles.compare import AtDistance, VehicleComparison
-    from lidarcheck.calibration.vehicles.merge import Placed
     from lidarcheck.figures.data import Figure, Page
     from lidarcheck.figures.files.result_folder import Writer
 
 __all__ = ["Histograms"]
 
-_AT_ONCE, _STEP_M = 3, 0.25
+_AT_ONCE = 3
 _ACROSS_FROM = 120
 """Columns from which on a distance's features stand side by side."""
 _NUMBERS_FROM = 18
@@ -36,10 +35,7 @@ _NUMBERS_FROM = 18
 
 
 class Histograms(PageView):
-    """`side_by_side`: both vehicles are seen in the place of the histograms, those of the distance number `distance`.
-
-    `offsets`: what was set by hand, by vehicle and distance.
-    """
+    """The vehicles of a project, and the histograms of one at all its distances."""
 
     NAME = "histograms"
     OPENS: ClassVar[dict[str, str]] = {"jobs": "@"}
@@ -53,10 +49,8 @@ class Histograms(PageView):
         "stands in the panes below.",
         "figures": "PEAK, AREA and WIDTH on log scales: real filled, simulated an outline, as shares; below, their "
         "ratio, o where chance allows it and ! where not. From 120 columns on the three are side by side, a row a "
-        "distance; n and p go on to other distances and features, then to the points. b shows both vehicles beside "
-        "each other, the centroids laid onto each other and moved apart: + and - move the simulated one to the left "
-        "and to the right, ] and [ forward and backward, and the menu (m) has what "
-        "lays them as suggested and writes both as one cloud.",
+        "distance; n and p go on to other distances and features, then to the points. b goes to Cloud, which shows "
+        "both vehicles beside each other, lays one over the other and writes both as one cloud.",
         "numbers": "How far real and simulated are apart at the distance that is seen: the Kolmogorov-Smirnov "
         "distance, what it passes by chance in one case of twenty, and in words.",
         "words": "The numbers of all distances, and how each vehicle was found.",
@@ -69,9 +63,6 @@ class Histograms(PageView):
 
     def __init__(self) -> None:
         super().__init__()
-        self.side_by_side = False
-        self.distance = 0
-        self.offsets: dict[tuple[str, int], tuple[float, float]] = {}
         self._vehicles: list[Group] = []
 
     def jobs(self) -> list[Job]:
@@ -120,19 +111,6 @@ class Histograms(PageView):
             return [*together(bars, len(names) * down), *others]
         return [*((figure,) for name in names for figure in bars if figure.quantity == name), *others]
 
-    def shown(self, page: Page) -> tuple[str, list[tuple[Figure, str]]]:
-        """The histograms, or both vehicles from above and from the side."""
-        found = self._beside_now()
-        if found is None:
-            return super().shown(page)
-        from lidarcheck.figures.data import Cloud
-
-        at, placed = found
-        cloud = Cloud(self._at_words(at), {"real": at.cuts[0].xyz_m, "simulated": placed.moved_m})
-        return "", [(cloud, "top"), (cloud, "side")]
-
-    # Both beside each other
-
     @property
     def result(self) -> tuple[AtDistance, ...]:
         """All distances of what is shown; empty before they are computed."""
@@ -140,54 +118,13 @@ class Histograms(PageView):
         comparison: VehicleComparison | None = None if made is None else made.result
         return () if comparison is None else comparison.distances
 
-    def _at_words(self, at: AtDistance) -> str:
-        return f"{self.job.name if self.job else ''} at {at.distance_m:.0f} m"
-
-    def _beside_now(self) -> tuple[AtDistance, Placed] | None:
-        """The distance that is seen and where its simulated vehicle stands; None while histograms are seen."""
-        from lidarcheck.calibration.vehicles.kinds import vehicle_named
-        from lidarcheck.calibration.vehicles.merge import place_vehicles
-
-        made, job = self.made, self.job
-        if not self.side_by_side or made is None or job is None or not self.result:
-            return None
-        self.distance %= len(self.result)
-        at = self.result[self.distance]
-        x, y = self.offsets.get((job.name, self.distance), (None, None))
-        return at, place_vehicles(*at.cuts, vehicle_named(made.result.vehicle), x_m=x, y_m=y)
-
-    def _looked_at(self) -> tuple[AtDistance, Placed] | None:
-        """The same, or a word to the user."""
-        found = self._beside_now()
-        if found is None:
-            self.say("b shows both vehicles beside each other first" if self.result else "r computes it first")
-        return found
-
     def action_beside(self) -> None:
-        """Both vehicles beside each other, or the histograms again."""
-        if not self.result:
-            self.say("r computes it first")
-            return
-        self.side_by_side = not self.side_by_side
-        self._say_place()
-        self.draw()
-
-    def _say_place(self) -> None:
-        """Where the simulated vehicle is beside the real one."""
-        found = self._beside_now()
-        if found is not None:
-            (x, y), (_, suggested) = found[1].offset_m, found[1].suggested_m
-            at = f"{self.distance + 1} of {len(self.result)}"
-            self.say(f"X {x:g} m, Y {y:g} m (suggested 0 and {suggested:g}), {at}")
+        """Both vehicles beside each other."""
+        self.host.show_screen("cloud")
 
     def action_turn(self, by: int) -> None:
         """Other figures, or another distance."""
-        if self._beside_now() is None:
-            super().action_turn(by)
-        else:
-            self.distance += by
-            self._say_place()
-            self.draw()
+        super().action_turn(by)
         self._choose_seen()
 
     # The distance that all screens look at
@@ -205,8 +142,9 @@ class Histograms(PageView):
         if page is None or wanted_m is None:
             return
         distances = [at.distance_m for at in self.result]
-        self.distance = min(range(len(distances)), key=lambda at: abs(distances[at] - wanted_m))
-        groups, words = self.groups(page), _at_words(distances[self.distance])
+        if not distances:
+            return
+        groups, words = self.groups(page), _at_words(min(distances, key=lambda at_m: abs(at_m - wanted_m)))
         there = [number for number, figures in enumerate(groups) if any(words in figure.title for figure in figures)]
         if there and self.turned not in there:
             self.turned = there[0]
@@ -218,37 +156,12 @@ class Histograms(PageView):
             return
         measured = self._vehicles[self.at].measurements
         titles = [figure.title for figure, _ in self.shown(page)[1]]
-        beside = self.result[self.distance].distance_m if self.side_by_side else None
         for at in self.result:
-            if at.distance_m == beside or any(_at_words(at.distance_m) in title for title in titles):
+            if any(_at_words(at.distance_m) in title for title in titles):
                 near = [(abs(m.distance_m - at.distance_m), m) for m in measured if m.distance_m is not None]
                 if near:
                     self.host.choice.choose_measured(min(near, key=lambda one: one[0])[1].path, self.host.project)
                 return
-
-    def action_kind(self) -> None:
-        """Another kind of picture; the vehicles are seen from above and from the side at once."""
-        if self._beside_now() is None:
-            super().action_kind()
-        else:
-            self.say("seen from above and from the side")
-
-    def action_nudge(self, forward: int, left: int) -> None:
-        """Move the simulated vehicle."""
-        found = self._looked_at()
-        if found is not None and self.job is not None:
-            x, y = found[1].offset_m
-            moved = (round(x + forward * _STEP_M, 6), round(y + left * _STEP_M, 6))
-            self.offsets[self.job.name, self.distance] = moved
-            self._say_place()
-            self.draw()
-
-    def action_suggested(self) -> None:
-        """The offset that the vehicle's size suggests."""
-        if self._looked_at() is not None and self.job is not None:
-            self.offsets.pop((self.job.name, self.distance), None)
-            self._say_place()
-            self.draw()
 
     # Choices and files
 
@@ -279,15 +192,6 @@ class Histograms(PageView):
     def action_next_distance(self, by: int) -> None:
         """The distances are on the page."""
         self.action_turn(by)
-
-    def action_write_cloud(self) -> None:
-        """Both vehicles as one cloud, as `vehicles merge` writes them."""
-        found, job, made = self._looked_at(), self.job, self.made
-        if found is not None and job is not None and made is not None:
-            at, placed = found
-            name = f"{file_name(job.name)}_{at.distance_m:.0f}m_merged.pcd"
-            write = partial(_write_cloud, at, placed.offset_m, made.result.vehicle)
-            self.exports.ask_file("Write both vehicles, as one cloud, to which file?", name, write, job)
 
     def action_write_sheet(self) -> None:
         """The histograms of all distances as a picture."""
@@ -336,15 +240,3 @@ def _write_sheet(result: VehicleComparison, kind: str, path: Path) -> str:
 
     save_distances(result, path, kind)
     return f"{path.name}: all distances"
-
-
-def _write_cloud(at: AtDistance, offset_m: tuple[float, float], vehicle: str, path: Path) -> str:
-    from lidarcheck.calibration.vehicles.kinds import vehicle_named
-    from lidarcheck.calibration.vehicles.merge import merge_vehicles
-    from lidarcheck.formats.recognise import target_format, write_table
-
-    target_format(path)
-    names = ("the real scan", "the simulated scan")
-    merged = merge_vehicles(*at.cuts, vehicle_named(vehicle), x_m=offset_m[0], y_m=offset_m[1], files=names)
-    write_table(merged.columns, path)
-    return f"{path.name}: {merged.n_real + merged.n_simulated} points, Simulated is 0 for the real ones"
