@@ -73,10 +73,10 @@ class FakeWorker(Worker):
                 ticket.on_done(Outcome(value, failed, self.seconds, dict(read.files), frozenset(read.taken)))
         return len(found)
 
-    def tell(self, done, of):
+    def tell(self, done, of, words="seeds"):
         """How far all that waits is."""
         for ticket in self.waiting:
-            ticket.on_progress(done, of, "seeds")
+            ticket.on_progress(done, of, words)
 
 
 def number_of(how, request):

@@ -35,7 +35,7 @@ def meanings(actions):
 def test_a_key_means_one_thing_on_every_screen():
     assert {key: names for key, names in meanings(ACTIONS).items() if len(names) > 1} == {}
     for screen in SCREENS:
-        keys = [key for action in ACTIONS if action.screen in ("", screen) for key in action.keys]
+        keys = [key for action in actions_of(screen) for key in action.keys]
         assert len(keys) == len(set(keys))
 
 

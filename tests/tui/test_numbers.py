@@ -5,9 +5,10 @@ import re
 import pytest
 
 from fake_worker import ROW, FakeWorker, second_line
+from lidarcheck.session.worker_process import COMPILES
 from lidarcheck.tui.app import LidarcheckApp
 from states_kit import IDEAL, SCAN
-from tui_kit import drive, fake_check, make_project, on_blooming, sees, status, text_of, until
+from tui_kit import drive, fake_check, make_project, misses, on_blooming, sees, status, text_of, until
 
 AT_ROW = ("home", *["down"] * ROW)
 
@@ -129,6 +130,13 @@ def test_what_is_dear_or_fails_says_so_and_r_renews_it(project):
         assert not worker.samples()
         await pilot.press("f2", "r")
         await until(pilot, lambda: worker.samples())
+        # What keeps it waiting is said while it is so, and no longer.
+        before = status(app)
+        worker.tell(0, 1, COMPILES)
+        await sees(app, pilot, f"numbers wait: {COMPILES}")
+        worker.tell(0, 1, "")
+        await misses(app, pilot, "numbers wait")
+        assert status(app) == before
         worker.answer(how="sample", failed="the disk is full")
         await until(pilot, lambda: "failed: the disk is full" in line_of(app)[1], lambda: text_of(app))
 

@@ -248,8 +248,8 @@ class Worker:
             _log.warning("%s", said[0])
         elif word == "compiling":
             self._compiling = bool(said[0])
-            if self._compiling and running is not None:
-                self._tell(running, 0, 1, COMPILES)
+            if running is not None:
+                self._tell(running, 0, 1, COMPILES if self._compiling else "")
         elif running is not None and said[0] == running.number:
             if word == "progress":
                 self._tell(running, *said[1:])

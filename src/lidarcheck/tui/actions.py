@@ -104,6 +104,10 @@ ACTIONS: tuple[Action, ...] = (
     Action("draw again", "", ("ctrl+l",), "", "draw the whole screen again, after something else has written into it", "draw_again", reason=_ALONE),
     Action("copy", "", ("c",), "", "copy the pane to the terminal's clipboard (OSC 52)", "copy", reason="a shell copies its own output"),
     Action("write", "", ("w",), "", "write the pane's text to a file; on Cloud both sides as one cloud", "write", reason="a shell writes to a file with >"),
+    Action("undo", "", ("u", "ctrl+z"), "", "take the last edit of all files back", "undo", "lut undo", "back"),
+    Action("redo", "", ("U", "ctrl+y"), "", "make it again", "redo", "lut undo", "again"),
+    Action("save", "", ("S", "ctrl+s"), "", "show what changes in which file, then save all", "save", "lut set", "bytes"),
+    Action("difference", "", ("d",), "", "what saving would change", "difference", "lut set", "--dry-run"),
     Action("baseline", "", ("B",), "", "compare numbers with what is set now, or no longer", "baseline", reason=_ALONE),
     Action("inputs", "", ("I",), "", "what the pane and the number are computed from: files, hashes, edit, sample, time, command", "inputs", reason="result.json says it of every result, in `computed_from`"),
     Action("help", "", ("question_mark", "f1"), "Help", "help for what has the focus", "help", "", "--help", _ALONE),
@@ -144,9 +148,9 @@ ACTIONS: tuple[Action, ...] = (
     Action("smooth", "blooming", ("s",), "Smooth", "smooth the marked rows on the log scale", "smooth", "lut smooth", "log10"),
     Action("fit to data", "blooming", ("F",), "", "fit the table to several distances: a form, then the fitted table as a curve, then take it over", "fit", "bloom fit", "fitted table"),
     Action("stop", "blooming", ("x",), "", "stop the command that runs; once more: end it at once", "stop", reason=_STOP),
-    Action("undo", "blooming", ("u", "ctrl+z"), "Undo", "take the last edit back", "undo", "lut undo", "back"),
-    Action("redo", "blooming", ("U", "ctrl+y"), "Redo", "make it again", "redo", "lut undo", "again"),
-    Action("save", "blooming", ("S", "ctrl+s"), "Save", "show what changes, then save", "save", "lut set", "bytes"),
+    Action("undo", "blooming", ("u", "ctrl+z"), "Undo", "take the last edit of all files back", "app.undo", "lut undo", "back"),
+    Action("redo", "blooming", ("U", "ctrl+y"), "Redo", "make it again", "app.redo", "lut undo", "again"),
+    Action("save", "blooming", ("S", "ctrl+s"), "Save", "show what changes in which file, then save all", "app.save", "lut set", "bytes"),
     Action("next distance", "blooming", ("n",), "n/p Dist", "the next distance", "next_dataset(1)", "bloom show", "SCAN"),
     Action("distance before", "blooming", ("p",), "", "the distance before", "next_dataset(-1)", "bloom show", "SCAN"),
     Action("feature", "blooming", ("f",), "Feature", "profile of the next of the sensor's features", "feature", "bloom show", "AREA"),
@@ -158,7 +162,6 @@ ACTIONS: tuple[Action, ...] = (
     Action("mark down", "blooming", ("shift+down",), "", "mark the row and go on", "mark_and_move(1)", "lut scale", "--rows"),
     Action("mark up", "blooming", ("shift+up",), "", "mark the row and go back", "mark_and_move(-1)", "lut scale", "--rows"),
     Action("mark all", "blooming", ("asterisk",), "", "mark all rows, or none", "mark_all", "lut scale", "--rows"),
-    Action("difference", "blooming", ("d",), "", "what saving would change", "diff", "lut set", "--dry-run"),
     Action("read again", "blooming", ("ctrl+r",), "", "read the table from the disk again", "reload", "lut show", "tables"),
     Action("beside", "blooming", ("b",), "", "all features of one distance, or distances side by side", "arrange", "bloom show", "Range, PEAK"),
     Action("settings", "blooming", ("E",), "Settings", "the settings of each distance in the table's place, and back", "settings", "bloom settings", "each distance"),
@@ -208,9 +211,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("to the right", "explain", ("right", "l"), "", "the next part of the answer", "view(1)", reason=_PLACE),
     Action("to the left", "explain", ("left", "h"), "", "the part of the answer before", "view(-1)", reason=_PLACE),
     Action("accept", "explain", ("a",), "Accept", "take the explained model over: show the difference, then write", "accept", reason=_BY_HAND),
-    Action("undo", "explain", ("u", "ctrl+z"), "Undo", "take back what was accepted last", "take_back", reason=_BACK),
-    Action("save", "explain", ("S", "ctrl+s"), "", "show what changes in the model that was taken over, then save it", "save", reason=_BY_HAND),
-    Action("difference", "explain", ("d",), "", "what saving would change in the model", "diff", reason=_BY_HAND),
+    Action("undo", "explain", ("u", "ctrl+z"), "Undo", "take back what was accepted or edited last; also what an earlier session has accepted", "undo", reason=_BACK),
     Action("seed", "explain", (), "", "the seed of the next run", "seed", "explain", "--seed"),
     Action("exclude", "explain", (), "", "effects that the next run is not to name", "exclude", "explain", "--exclude"),
     Action("read again", "explain", ("ctrl+r",), "", "look at the cases and their results again", "look", "info", "what is in it"),
@@ -229,13 +230,16 @@ ACTIONS: tuple[Action, ...] = (
 
 
 def actions_of(screen: str, pane: str = "") -> list[Action]:
-    """What can be done on a screen: what is the focused pane's own first, then the screen's, then what is everywhere."""
+    """What can be done on a screen: what is the focused pane's own first, then the screen's, then what is everywhere,
+    as far as the screen does not say of its own what that is here.
+    """
     own = [a for a in ACTIONS if a.screen == screen and screen]
     if pane == "plot":
         plot = plot_actions()
         taken = {key for action in plot for key in action.keys}
         own = [*plot, *(action for action in own if not taken.intersection(action.keys))]
-    return own + [a for a in ACTIONS if not a.screen]
+    names = {action.name for action in own if action.screen}
+    return own + [a for a in ACTIONS if not a.screen and a.name not in names]
 
 
 def plot_actions() -> list[Action]:

@@ -33,6 +33,7 @@ from lidarcheck.session.worker import Worker
 from lidarcheck.tui.actions import SCREENS
 from lidarcheck.tui.bars import Bars
 from lidarcheck.tui.context import context_line
+from lidarcheck.tui.edits import Edits
 from lidarcheck.tui.everywhere import Everywhere
 from lidarcheck.tui.help import LogHandler
 from lidarcheck.tui.jobs.checks import Runs
@@ -40,6 +41,7 @@ from lidarcheck.tui.numbers import Numbers
 from lidarcheck.tui.plots.marks import level_of
 from lidarcheck.tui.runs.starting import Commands
 from lidarcheck.tui.screens import later_screens
+from lidarcheck.tui.screens.blooming.editor import Editor
 from lidarcheck.tui.screens.overview.screen import Overview
 from lidarcheck.tui.screens.shared.view import View, bindings
 from lidarcheck.tui.widgets.dialogs import Ask
@@ -99,7 +101,14 @@ class LidarcheckApp(Everywhere):
         self.state = load_state(root)
         self.choice = Choice(self.state.selected)
         self.numbers = Numbers(
-            self.project, self.session, self.choice, self.set_timer, self.soon, self.say, on=worker is not None
+            self.project,
+            self.session,
+            self.choice,
+            self.set_timer,
+            self.soon,
+            self.say,
+            self._wait,
+            on=worker is not None,
         )
         self.state.marks = marks or self.state.marks
         self.marks = level_of(self.state.marks, os.environ)
@@ -116,6 +125,7 @@ class LidarcheckApp(Everywhere):
         self._unseen = contextlib.ExitStack()
         self._warnings = LogHandler(self.soon, self.note)
         self.commands = Commands(self, self._view_of)
+        self.edits = Edits(self, self._editors, lambda: self.view.edited())
         self._views: tuple[View, ...] = (Overview(Runs(root), check),)
         self._switcher = ContentSwitcher(initial=self._views[0].NAME)
 
@@ -239,6 +249,10 @@ class LidarcheckApp(Everywhere):
         """All screens."""
         return self._views
 
+    def _editors(self) -> list[Editor[Any]]:
+        """All that may have files open."""
+        return [*(editor for view in self.views() for editor in view.editors()), *self.commands.models.editors()]
+
     def _view_of(self, name: str) -> Any:
         """A screen by its name, once the project was read."""
         return next(view for view in self.views() if name == view.NAME)
@@ -274,6 +288,9 @@ class LidarcheckApp(Everywhere):
     def progress(self, text: str, screen: str) -> None:
         """What a run of a screen says while it runs; empty when it has ended."""
         self.bars.progress(text, screen)
+
+    def _wait(self, why: str) -> None:
+        self.bars.wait(why)
 
     def say(self, text: str | LidarcheckError, *, bad: bool = False) -> None:
         """One line for the user, which the log keeps."""

@@ -42,6 +42,7 @@ class Bars:
         self.sensor = ""
         self._width = 80
         self._progress: dict[str, str] = {}
+        self._waits = ""
         self._screen = ""
         self._said_s = float("-inf")
         self._project = ""
@@ -89,11 +90,13 @@ class Bars:
             self.below.show([((f"{cut:{room}}  ", role), (self.sensor, "dim"))])
 
     def _running(self) -> str:
-        """The progress of the screen that is seen; else that of another, which x does not stop from here."""
+        """The progress of the screen that is seen; else that of another, which x does not stop from here; else what
+        numbers wait for.
+        """
         if self._screen in self._progress:
             return self._progress[self._screen]
         others = (f"{key_name(SCREENS[name].key)} {text}" for name, text in self._progress.items())
-        return next(others, "").removesuffix(STOPS)
+        return next(others, self._waits).removesuffix(STOPS)
 
     def progress(self, text: str, screen: str) -> None:
         """What a run of a screen says while it runs; empty when it has ended."""
@@ -105,6 +108,13 @@ class Bars:
             self._progress[screen] = text
         self._show_status()
         self._show_tabs()
+
+    def wait(self, why: str) -> None:
+        """What keeps numbers waiting, for as long as it does; empty for nothing."""
+        if why and why != self._waits:
+            self._said_s = float("-inf")
+        self._waits = why
+        self._show_status()
 
     def say(self, text: str | LidarcheckError, project: Project, bad: bool) -> None:
         """One line for the user, which the log keeps."""

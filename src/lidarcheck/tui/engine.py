@@ -73,7 +73,8 @@ class Engine:
 
     `asked`: what there is, the one that is seen first. `later(seconds, do)` calls `do` in the interface's thread after
     a while and gives what has `stop()`; `soon(do, ...)` does at once, from any thread. `on_change`: a number or a
-    state may be another; `on_number`: a number has come. Nothing is computed unless it is `on`.
+    state may be another; `on_number`: a number has come; `on_news`: what keeps numbers waiting, empty for
+    nothing any more. Nothing is computed unless it is `on`.
     """
 
     def __init__(self, session: Session, later: Callable[..., Any], soon: Callable[..., object], *, on: bool) -> None:
@@ -209,6 +210,8 @@ class Engine:
             if how != "whole" and key not in wanted:
                 del self._tickets[key]
                 self.session.worker.cancel(ticket)
+        if not self._tickets:
+            self._hear("")
 
     def _expect(self, now: Inputs) -> None:
         """Without noise, for what is seen, unless it was simulated."""
@@ -260,6 +263,7 @@ class Engine:
         tickets, self._tickets = self._tickets, {}
         for ticket, _ in tickets.values():
             self.session.worker.cancel(ticket)
+        self._hear("")
         self.on_change()
         return bool(tickets)
 
@@ -295,15 +299,19 @@ class Engine:
             self._tickets[key] = ticket, how
 
     def _told(self, _done: int, of: int, now: str) -> None:
-        """In the worker's thread; what is not counted, as that kernels are compiled, is said once."""
-        if of <= 1 and now and now != self._news:
-            self._news = now
-            self._soon(self.on_news, now)
+        """In the worker's thread; what is not counted, as that kernels are compiled, is said while it is so."""
+        self._hear(now if of <= 1 else "")
         self._soon(self.on_change)
+
+    def _hear(self, news: str) -> None:
+        if news != self._news:
+            self._news = news
+            self._soon(self.on_news, news)
 
     def _arrived(self, asked: Asked, key: str, how: str, derived: Derived | None) -> None:
         """In the interface's thread."""
         self._tickets.pop(key, None)
+        self._hear("")
         if derived is None:
             self._failed.add(key)
         elif how == "sample" and derived.value is not None:

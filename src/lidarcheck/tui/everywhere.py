@@ -19,6 +19,7 @@ from lidarcheck.session.state import State
 from lidarcheck.tui.actions import SCREENS, Action, actions_of
 from lidarcheck.tui.bars import Bars
 from lidarcheck.tui.chooser import Chooser, Opening
+from lidarcheck.tui.edits import Edits
 from lidarcheck.tui.help import help_lines
 from lidarcheck.tui.mouse import Mouse
 from lidarcheck.tui.numbers import Numbers
@@ -52,6 +53,7 @@ class Everywhere(Mouse):
     overlay: Overlay
     numbers: Numbers
     commands: Commands
+    edits: Edits
 
     @abstractmethod
     def views(self) -> Sequence[View]:
@@ -193,6 +195,22 @@ class Everywhere(Mouse):
             if key == pane.label:
                 self.view.reveal(pane)
                 self.call_after_refresh(pane.focus)
+
+    def action_undo(self) -> None:
+        """Take the last edit back, whichever file it was of."""
+        self.edits.undo()
+
+    def action_redo(self) -> None:
+        """Make it again."""
+        self.edits.redo()
+
+    def action_save(self) -> None:
+        """Show what changes, then save."""
+        self.edits.save()
+
+    def action_difference(self) -> None:
+        """What saving would change."""
+        self.edits.difference()
 
     def action_baseline(self) -> None:
         """Numbers are compared with what is set now."""

@@ -14,6 +14,7 @@ from lidarcheck.tui.numbers import Numbers
 from lidarcheck.tui.widgets.overlay import Dialog
 
 if TYPE_CHECKING:
+    from lidarcheck.tui.edits import Edits
     from lidarcheck.tui.runs.starting import Commands
 
 __all__ = ["STOPS", "Host"]
@@ -27,7 +28,7 @@ T = TypeVar("T")
 class Host(Protocol):
     """The app, as screens know it. `project`: as it was read last; `state`: what is kept for the next start;
     `session`: what belongs to what; `choice`: what all screens look at; `numbers`: how far measurements and models are
-    apart; `commands`: those that are started here.
+    apart; `commands`: those that are started here; `edits`: undo, redo and save, of all files.
     """
 
     project: Project
@@ -36,6 +37,7 @@ class Host(Protocol):
     choice: Choice
     numbers: Numbers
     commands: Commands
+    edits: Edits
 
     def ask(self, dialog: Dialog[T], then: Callable[[T | None], object] | None = None) -> None:
         """Show a dialog over the screen; `then` gets its answer, None where it was left."""

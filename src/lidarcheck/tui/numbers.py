@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from lidarcheck.session.choice import PARTS, Choice
@@ -17,10 +18,13 @@ from lidarcheck.tui.jobs.measured import Measured
 
 __all__ = ["Numbers"]
 
+_LASTS_S = 0.5
+"""What keeps numbers waiting for less is not said."""
+
 
 class Numbers:
     """Follows project, choice and edits. `measured`: what there is; `began`: when, in seconds since the epoch; `say`
-    gets what an edit did, in words.
+    gets what an edit did, in words; `wait`, what keeps numbers waiting, for as long as it does, else nothing.
     """
 
     def __init__(
@@ -31,12 +35,15 @@ class Numbers:
         later: Callable[..., Any],
         soon: Callable[..., object],
         say: Callable[[str], object],
+        wait: Callable[[str], object],
         *,
         on: bool,
     ) -> None:
         self.engine = Engine(session, later, soon, on=on)
         self.engine.on_number = self._arrived
-        self.engine.on_news = lambda now: say(f"numbers wait: {now}")
+        self.engine.on_news = self._waits
+        self._later, self._wait = later, wait
+        self._waiting: Any = None
         self.measured = Measured(project)
         self.began = time.time()
         self._asked: dict[str, Asked] = {}
@@ -82,6 +89,16 @@ class Numbers:
         """Whether the last edit was one of tables; before the first one, whether there are tables."""
         last = self._session.step(self._session.edit)
         return bool(self._choice.of("lut")) if last.path is None else last.path.suffix != ".toml"
+
+    def _waits(self, news: str) -> None:
+        """Something keeps numbers waiting, or no longer; what lasts a moment alone is not worth a word."""
+        if self._waiting is not None:
+            self._waiting.stop()
+            self._waiting = None
+        if news:
+            self._waiting = self._later(_LASTS_S, partial(self._wait, f"numbers wait: {news}"))
+        else:
+            self._wait("")
 
     def _arrived(self, _asked: Asked) -> None:
         """A number has come: say what the last edit did, if it was not said so before."""

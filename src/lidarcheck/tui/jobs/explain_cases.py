@@ -173,7 +173,12 @@ def adopted(state: CaseState, file: EditedModel) -> ModelTakeover:
     """
     check_adoptable(state)
     assert state.model is not None
-    return model_takeover(file, state.model, state.out / MODEL, f"accept {state.name}")
+    return model_takeover(file, state.model, state.out / MODEL, edit_words(state))
+
+
+def edit_words(state: CaseState) -> str:
+    """What the edit is called that takes its model over."""
+    return f"accept {state.name}"
 
 
 def write_adopted(state: CaseState, change: Adoption) -> None:

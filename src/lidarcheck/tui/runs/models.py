@@ -35,9 +35,9 @@ def change_lines(changes: list[LineChange] | tuple[LineChange, ...]) -> list[Lin
 class _ModelEditor(Editor[EditedModel]):
     """One model's file; its rows are lines, which are not edited one by one."""
 
-    def diff_lines(self) -> list[Line]:
+    def diff_lines(self, file: EditedModel) -> list[Line]:
         """The lines that differ from what was saved."""
-        return [] if self.file is None else change_lines(self.file.diff())
+        return change_lines(file.diff())
 
 
 class OpenModels:
@@ -63,9 +63,9 @@ class OpenModels:
             self._editors[real] = editor
         return self._editors[real]
 
-    def files(self) -> list[EditedModel]:
-        """Those that are open."""
-        return [editor.file for editor in self._editors.values() if editor.file is not None]
+    def editors(self) -> list[Editor[EditedModel]]:
+        """One for each that is open."""
+        return list(self._editors.values())
 
     def unsaved(self) -> int:
         """Lines that are edited and not saved."""
@@ -90,24 +90,6 @@ class OpenModels:
         """Ask, if somebody else has changed one."""
         for editor in self._editors.values():
             editor.look_at_disk()
-
-    # What is done with them
-
-    def save(self) -> None:
-        """Show what changes in each, then save."""
-        dirty = [editor for editor in self._editors.values() if editor.unsaved()]
-        for editor in dirty:
-            editor.save()
-        if not dirty:
-            self.say("no model is edited")
-
-    def diff(self) -> None:
-        """What saving would change."""
-        dirty = [editor for editor in self._editors.values() if editor.unsaved()]
-        for editor in dirty:
-            editor.diff()
-        if not dirty:
-            self.say("no model is edited")
 
     def closing(self) -> None:
         """Journals stay where there are edits."""

@@ -100,22 +100,6 @@ class EditActions(BloomingPanes):
         """Smooth the rows."""
         self.editor.smooth()
 
-    def action_undo(self) -> None:
-        """Take back."""
-        self.editor.undo()
-
-    def action_redo(self) -> None:
-        """Make again."""
-        self.editor.redo()
-
-    def action_diff(self) -> None:
-        """What saving would change."""
-        self.editor.diff()
-
-    def action_save(self) -> None:
-        """Show what changes, then save."""
-        self.editor.save()
-
     def action_reload(self) -> None:
         """Read it again; edits are asked about."""
         self.editor.reload()

@@ -1,4 +1,4 @@
-"""What the left side of Blooming does with a file: edits, differences, saving, changes on the disk, earlier edits."""
+"""What the left side of Blooming does with a file: edits, changes on the disk, edits of an earlier session."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
-from lidarcheck.session.edited_file import ChangedOnDisk, EditedFile
+from lidarcheck.session.edited_file import EditedFile
 from lidarcheck.tui.host import Host
 from lidarcheck.tui.widgets.dialogs import Ask
 from lidarcheck.tui.widgets.lines import Line, line
@@ -15,7 +15,7 @@ from lidarcheck.tui.widgets.lines import Line, line
 if TYPE_CHECKING:
     from lidarcheck.formats.settings import Setting
 
-__all__ = ["Editing", "Editor"]
+__all__ = ["Editing", "Editor", "saved_words"]
 
 S = TypeVar("S", bound=EditedFile[Any])
 
@@ -71,8 +71,12 @@ class Editor(Generic[S]):
         """How many rows there are."""
         raise NotImplementedError
 
-    def diff_lines(self) -> list[Line]:
-        """What saving would change, a line each, under a head."""
+    def all_files(self) -> list[S]:
+        """The files that it keeps open, also those that are not shown."""
+        return [] if self.file is None else [self.file]
+
+    def diff_lines(self, file: S) -> list[Line]:
+        """What saving one of them would change, a line each, under a head."""
         raise NotImplementedError
 
     def enter(self, typed: str) -> None:
@@ -133,75 +137,15 @@ class Editor(Generic[S]):
             self.view.say("no row changes")
         self.view.edited()
 
-    def undo(self) -> None:
-        """Take back."""
-        self._step("undo", "taken back")
-
-    def redo(self) -> None:
-        """Make again."""
-        self._step("redo", "made again")
-
-    def _step(self, verb: str, words: str) -> None:
-        """The last edit of all open files, whichever is shown, and also where none is."""
-        if self.file is not None and self.file.found:
-            self.ask_back()
-            return
-        session = self.view.host.session
-        try:
-            made = session.undo() if verb == "undo" else session.redo()
-        except LidarcheckError as error:
-            self.view.say(error)
-            return
-        if made is None or made.path is None:
-            self.view.say("nothing to take back" if verb == "undo" else "nothing to make again")
-            return
-        here = self.file is not None and made.path == self.file.path
-        self.view.say(f"{words}: {made.what}" + ("" if here else f", in {made.path.name}"))
-        self.view.edited()
-
     # The file
-
-    def diff(self) -> None:
-        """What saving would change."""
-        if self.file is not None and self.file.dirty:
-            title = f"Not saved: {counted(self.unsaved(), self.file.NOUN)}"
-            self.view.ask(Ask(title, self.diff_lines(), {}))
-        else:
-            self.view.say("nothing is edited")
-
-    def save(self) -> None:
-        """Show what changes, then save."""
-        if self.file is None or not self.file.dirty:
-            self.view.say("nothing is edited")
-            return
-        if self.file.changed_on_disk():
-            self._ask_disk(self.file)
-            return
-        title = f"Save {counted(self.unsaved(), self.file.NOUN)} to {self.file.path.name}?"
-        ask = Ask(title, self.diff_lines(), {"Enter": "save"})
-        self.view.ask(ask, lambda key: self._save(key == "Enter"))
-
-    def _save(self, agreed: bool, *, overwrite: bool = False) -> None:
-        if not agreed or self.file is None:
-            return
-        try:
-            number = self.file.save(overwrite=overwrite)
-        except ChangedOnDisk:
-            self._ask_disk(self.file)
-            return
-        except LidarcheckError as error:
-            self.view.say(error)
-            return
-        self.view.say(f"{self.file.path.name}: saved, {counted(number, self.file.NOUN)}")
-        self.view.edited()
 
     def look_at_disk(self) -> None:
         """Ask, if somebody else has changed the file."""
         if self.file is not None and not self.asking and self.file.changed_on_disk():
-            self._ask_disk(self.file)
+            self.ask_disk(self.file)
 
-    def _ask_disk(self, file: S) -> None:
-        """The file is not what it was."""
+    def ask_disk(self, file: S) -> None:
+        """The file is not what it was: what is to become of it."""
         found = file.on_disk()
         if not file.dirty and found == "changed":
             answers = {"r": "read it again", "k": "keep what is shown"}
@@ -209,19 +153,28 @@ class Editor(Generic[S]):
             answers = {"r": "read it again, edits are lost", "o": "overwrite it", "k": "keep editing"}
         words = line("Somebody else has changed it since it was read here." if found == "changed" else f"It {found}.")
         self.asking = True
-        ask = Ask(f"{file.path.name} has changed on the disk", [words, *self.diff_lines()], answers, unasked=True)
+        ask = Ask(f"{file.path.name} has changed on the disk", [words, *self.diff_lines(file)], answers, unasked=True)
         self.view.ask(ask, lambda key: self._answer_disk(file, key))
 
     def _answer_disk(self, file: S, key: str | None) -> None:
         self.asking = False
-        if file is not self.file:
+        if file not in self.all_files():
             return
         if key == "r":
-            self._reload()
+            self._reload(file)
         elif key == "o":
-            self._save(True, overwrite=True)
+            self._overwrite(file)
         else:
             self._keep_shown(file)
+
+    def _overwrite(self, file: S) -> None:
+        try:
+            number = file.save(overwrite=True)
+        except LidarcheckError as error:
+            self.view.say(error)
+            return
+        self.view.say(saved_words(file, number))
+        self.view.edited()
 
     def _keep_shown(self, file: S) -> None:
         try:
@@ -233,16 +186,15 @@ class Editor(Generic[S]):
         self.view.say(f"{file.path.name}: kept as it is shown; {words}")
         self.view.edited()
 
-    def _reload(self) -> None:
-        assert self.file is not None
+    def _reload(self, file: S) -> None:
         try:
-            self.file.claim_again() if self.file.read_only else self.file.reload()
+            file.claim_again() if file.read_only else file.reload()
         except LidarcheckError as error:
-            self._keep_shown(self.file)
+            self._keep_shown(file)
             self.view.say(error)
             return
-        words = self.file.read_only
-        self.view.say(words or f"{self.file.path.name}: read again", bad=bool(words))
+        words = file.read_only
+        self.view.say(words or f"{file.path.name}: read again", bad=bool(words))
         self.read_again()
         self.view.edited()
 
@@ -250,12 +202,13 @@ class Editor(Generic[S]):
         """Read it again; edits are asked about."""
         if self.file is None:
             return
-        if not self.file.dirty:
-            self._reload()
+        file = self.file
+        if not file.dirty:
+            self._reload(file)
             return
-        title = f"{counted(self.unsaved(), self.file.NOUN)} not saved"
-        ask = Ask(title, self.diff_lines(), {"r": "read again, they are lost"})
-        self.view.ask(ask, lambda key: self._reload() if key == "r" else None)
+        title = f"{counted(self.unsaved(), file.NOUN)} not saved"
+        ask = Ask(title, self.diff_lines(file), {"r": "read again, they are lost"})
+        self.view.ask(ask, lambda key: self._reload(file) if key == "r" else None)
 
     # Edits of a session that was not ended
 
@@ -278,3 +231,8 @@ class Editor(Generic[S]):
         except LidarcheckError as error:
             self.view.say(error)
         self.view.edited()
+
+
+def saved_words(file: EditedFile[Any], number: int) -> str:
+    """That a file was saved, and how much of it changed."""
+    return f"{file.path.name}: saved, {counted(number, file.NOUN)}"

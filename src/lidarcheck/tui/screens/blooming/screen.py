@@ -18,6 +18,7 @@ from lidarcheck.session.runs import Run
 from lidarcheck.tui.chooser import Opening
 from lidarcheck.tui.plots.plot import PLOT_WORDS
 from lidarcheck.tui.screens.blooming.edit_actions import EditActions
+from lidarcheck.tui.screens.blooming.editor import Editor
 from lidarcheck.tui.screens.blooming.fitting import Fitting
 from lidarcheck.tui.screens.blooming.hand import connect
 from lidarcheck.tui.screens.blooming.panes import TILES
@@ -129,6 +130,10 @@ class Blooming(EditActions):
     def unsaved(self) -> int:
         """Rows and values that are edited and not saved."""
         return self.table.unsaved() + self.settings.all_unsaved()
+
+    def editors(self) -> tuple[Editor[Any], ...]:
+        """Of tables and of settings."""
+        return self.table, self.settings
 
     def draw(self) -> None:
         """The left side; the plots follow when the hand rests."""

@@ -97,15 +97,18 @@ class SettingsEditor(Editor[EditedSettings]):
         name = row[1] if row[1] != "Distance" else "Distance [m]"
         return ((f"{pointer}{mark}{name:13}", look), (f"{value:>7}{'~' if edited else ' '} {behind}", look))
 
-    def diff_lines(self) -> list[Line]:
+    def all_files(self) -> list[EditedSettings]:
+        """Those of all variants and directions that were looked at."""
+        return list(self.files.values())
+
+    def diff_lines(self, file: EditedSettings) -> list[Line]:
         """Distance, key and value, before and after."""
-        assert self.file is not None
         lines = [line(f"{'distance [m]':>12} {'setting':14}{'value':>9}{'new':>9}", "title")]
-        for c in self.file.diff():
+        for c in file.diff():
             old, new = ("-" if value is None else f"{value:g}" for value in (c.before, c.after))
             lines.append(line(f"{c.distance_m:>12g} {c.key:14}{old:>9}{new:>9}"))
-        if not self.file.there:
-            lines.append(line(f"{self.file.path.name} is made: the defaults with these changes"))
+        if not file.there:
+            lines.append(line(f"{file.path.name} is made: the defaults with these changes"))
         return lines
 
     # Edits

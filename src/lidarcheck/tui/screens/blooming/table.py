@@ -149,10 +149,9 @@ class TableEditor(Editor[EditedLut]):
             ("~" if edited else " ", look),
         )
 
-    def diff_lines(self) -> list[Line]:
+    def diff_lines(self, file: EditedLut) -> list[Line]:
         """Row, X, scaled value and Y, before and after."""
-        assert self.file is not None
-        return lut_change_lines(self.file.diff())
+        return lut_change_lines(file.diff())
 
     def under_cursor(self) -> str:
         """The row under the cursor in words, for where the table itself is not seen."""

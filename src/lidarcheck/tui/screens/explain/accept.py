@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable
 from typing import TypeVar
@@ -16,6 +17,7 @@ from lidarcheck.tui.jobs.explain_cases import (
     adopted,
     adoption,
     check_unchanged,
+    edit_words,
     forget_taken,
     last_taken,
     note_taken,
@@ -34,7 +36,11 @@ _NOTHING = "not accepted: nothing was written"
 
 
 class Adopting(View):
-    """A screen with explained cases."""
+    """A screen with explained `cases`."""
+
+    cases: list[CaseState]
+    _after_new_file = -1
+    """How many edits there had been when a new file was written last."""
 
     @property
     def chosen(self) -> CaseState | None:
@@ -130,14 +136,33 @@ class Adopting(View):
         except (LidarcheckError, OSError) as error:
             self._refused(error.lines()[0] if isinstance(error, LidarcheckError) else f"cannot write: {error}")
             return
+        self._after_new_file = self.host.session.edits
         self.say(f"{self.host.inside(str(change.target))}: written; u takes it back")
         self.host.files_changed()
 
     # Back
 
-    def action_take_back(self) -> None:
+    def action_undo(self) -> None:
+        """The last edit of all; before any, or where that was it, what was accepted last."""
+        session = self.host.session
+        last = session.step(session.edit).what
+        if not session.edit or session.edits == self._after_new_file:
+            self._take_back(self.chosen)
+            return
+        case = next((case for case in self.cases if last == edit_words(case) and self._is_recorded(case)), None)
+        if case is None:
+            self.host.edits.undo()
+        else:
+            self._take_back(case)
+
+    def _is_recorded(self, case: CaseState) -> bool:
+        with contextlib.suppress(LidarcheckError):
+            last_taken(case, self.host.project.root)
+            return True
+        return False
+
+    def _take_back(self, state: CaseState | None) -> None:
         """What was accepted last: an edit is undone, also one of an earlier session; a new file goes once asked."""
-        state = self.chosen
         if state is None:
             self.say("there is no case")
             return
@@ -157,7 +182,7 @@ class Adopting(View):
         file = self.host.commands.models.open(taken.target)
         check_unchanged(state, taken, None if file.changed_on_disk() else file.content)
         last = file.history.last("undo")
-        if last is not None and last.what == f"accept {state.name}":
+        if last is not None and last.what == edit_words(state):
             file.undo()
         else:
             file.take(taken.before, f"take back {state.name}")
@@ -173,13 +198,3 @@ class Adopting(View):
             return
         self.say(f"{self.host.inside(str(taken.target))}: as it was before")
         self.host.files_changed()
-
-    # The models
-
-    def action_save(self) -> None:
-        """Show what changes in the models that were taken over, then save."""
-        self.host.commands.models.save()
-
-    def action_diff(self) -> None:
-        """What saving would change."""
-        self.host.commands.models.diff()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
@@ -14,6 +14,9 @@ from lidarcheck.tui.actions import ACTIONS
 from lidarcheck.tui.chooser import Opening
 from lidarcheck.tui.host import Host
 from lidarcheck.tui.widgets.lines import CURSOR_KEYS, Line, Lines
+
+if TYPE_CHECKING:
+    from lidarcheck.tui.screens.blooming.editor import Editor
 
 __all__ = ["MOVES", "View", "bindings"]
 
@@ -103,6 +106,13 @@ class View(Vertical):
     def unsaved(self) -> int:
         """How many rows are edited and not saved."""
         return 0
+
+    def editors(self) -> Sequence[Editor[Any]]:
+        """What has files of this screen open."""
+        return ()
+
+    def edited(self) -> None:
+        """A file was edited or saved while this screen is seen: show it at once."""
 
     def waited_for(self) -> str:
         """What the end of the process waits for; empty for nothing."""
