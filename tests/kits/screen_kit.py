@@ -6,7 +6,7 @@ import re
 from rich.cells import cell_len
 
 _PART = re.compile(
-    r"\x1b\[(?P<arguments>[0-9;:?<>=!]*)[ !]?(?P<final>[@-~])"
+    r"\x1b\[(?P<arguments>[0-9;:?<>=!]*)[ -/]*(?P<final>[@-~])"
     r"|\x1b[\]P_^](?P<text>.*?)(?:\x07|\x1b\\)"
     r"|\x1b[()][0-9A-Z]|\x1b[=>78cDEHMNOZ]"
     r"|(?P<control>[\x00-\x1a\x1c-\x1f\x7f])|(?P<char>[^\x1b])",

@@ -40,9 +40,11 @@ class Terminal:
         self.screen, self.sent = Screen(*size), 0
         self.child, self.end = pty.fork()
         if self.child == 0:
-            os.environ |= {"TERM": "xterm-256color", "COLUMNS": str(size[0]), "LINES": str(size[1])}
-            os.execvp(command[0], command)
-        self.resize(*size)
+            self.end = 0
+            self.resize(*size)
+            # Without COLUMNS and LINES, which would count more than a later size.
+            environ = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
+            os.execvpe(command[0], command, {**environ, "TERM": "xterm-256color"})
 
     def resize(self, columns, rows):
         fcntl.ioctl(self.end, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))

@@ -96,7 +96,7 @@ def test_from_a_fresh_project_to_a_fitted_table_that_is_better_and_saved(tmux, t
 
 def test_a_screen_is_read_as_it_was_written():
     screen = Screen(10, 3)
-    screen.feed(b"\x1b[2J\x1b[2;3Hab\x1b[31mc\x1b[0m\xe2")
+    screen.feed(b"\x1b[?2026$p\x1b[2J\x1b[2;3Hab\x1b[31mc\x1b[0m\xe2")
     screen.feed(b"\x94\x80\x1b[1;1Hx\r\ny\x1b[?25l\x1b]0;title\x07z")
     assert screen.lines() == ["x", "yzabc\u2500", ""]
     assert screen.cells[1][4] == ("c", "31")

@@ -2,11 +2,13 @@
 ASCII and no report of a moving mouse where the terminal has none; whatever is pasted, and at any size.
 """
 
+import os
 import re
 import sys
 
 import pytest
 
+from screen_kit import Screen
 from tui_kit import make_project
 from tui_measure import Terminal
 
@@ -53,7 +55,7 @@ def words(screen):
 def settled(terminal):
     """The project was read, the screen is there, and all is quiet."""
     waited = terminal.until(lambda screen: words(screen)[-2].startswith("3 scenarios, 2 gol"), 60.0)
-    assert waited == waited, words(terminal.screen)
+    assert waited == waited, "\n".join(words(terminal.screen))
     terminal.quiet(1.5)
 
 
@@ -102,3 +104,41 @@ def test_ascii_alone_where_the_terminal_has_no_more(start):
     assert "[F5 Bloom]" in words(terminal.screen)[0]
     terminal.cost("w\xb0m\xfcll".encode(), 0.7)
     assert terminal.sent_text.isascii(), {letter for letter in terminal.sent_text if not letter.isascii()}
+
+
+def test_small_sizes_cut_no_word_and_have_every_box(start):
+    terminal = start("--screen", "overview", size=(79, 12))
+    settled(terminal)
+    for columns in (79, 40, 20):
+        if columns < 79:
+            terminal.screen = Screen(columns, 12)
+            terminal.resize(columns, 12)
+            terminal.until(lambda screen: "q Quit" in words(screen)[-1], 20.0)
+            terminal.quiet(0.4)
+        before = words(terminal.screen)
+        assert before[-1].rstrip().endswith("? Help  ^P Find  q Quit" if columns > 24 else "? Help  q Quit")
+        assert re.fullmatch(r"(F\d( \w+)? ?)+", before[0].strip())
+        assert "Measured" in before[2]
+        for name, key in BOXES.items():
+            terminal.press(key)
+            waited = terminal.until(lambda screen: "+-" in "".join(words(screen)), 10.0)
+            terminal.press(LEAVE)
+            waited += terminal.until(lambda screen, text=before: words(screen) == text, 10.0)
+            assert waited == waited, (columns, name, words(terminal.screen))
+
+
+def test_what_is_pasted_is_typed_and_does_nothing_else(start):
+    terminal = start("--screen", "blooming")
+    settled(terminal)
+    before = words(terminal.screen)
+    garbage = b"q\x1b[31mD\n+++\x00\xff\xfe\xe2\x80\xae" + bytes(range(1, 27)) + b"uuu\x7f" * 40
+    os.write(terminal.end, b"\x1b[200~" + garbage + b"\x1b[201~")
+    terminal.quiet(1.0)
+    assert words(terminal.screen)[3:22] == before[3:22]
+    terminal.cost(b"w", 0.7)
+    os.write(terminal.end, b"\x15\x1b[200~name of it\nsecond line\r\n\x1b[201~")
+    terminal.quiet(1.0)
+    assert "> name of it" in "\n".join(words(terminal.screen))
+    assert "second" not in "\n".join(words(terminal.screen))
+    terminal.cost(LEAVE, 0.7)
+    assert words(terminal.screen)[3:22] == before[3:22]
