@@ -57,9 +57,9 @@ def test_three_letters_and_enter_reach_everything(project):
 
         await opens(*"157")
         await until(pilot, lambda: view.selection.current.name == "measured/sign_157m.csv")
-        await opens(*"WID")
+        # Tab marks, also while other letters are looked for; Enter opens all that is marked.
+        await opens(*"WID", "tab", "ctrl+u", "=", *"SMA", "tab")
         assert app.choice.of("feature") == "WIDTH"
-        await opens("=", *"SMA")
         assert app.choice.of("model") == "models/SMART.toml"
         await opens(*"both")
         await until(pilot, lambda: view.file.path.name == "both_lut.ini")

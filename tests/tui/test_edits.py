@@ -1,7 +1,7 @@
-"""Undo, redo and save mean the same on every screen: all open files in one order, each named."""
+"""What is the same on every screen: undo, redo and save of all open files, each named; one pane on all of it."""
 
 from lidarcheck.formats.lut import load_lut
-from tui_kit import LUT, app_on, drive, make_project, misses, on_blooming, says, scaled, sees
+from tui_kit import LUT, app_on, drive, make_project, misses, on_blooming, says, scaled, sees, text_of, until
 
 
 def test_edits_of_two_files_are_taken_back_made_again_and_saved_from_other_screens(tmp_path):
@@ -45,5 +45,36 @@ def test_edits_of_two_files_are_taken_back_made_again_and_saved_from_other_scree
         await says(app, pilot, "a_lut.ini: saved, 1 row; SLIM.toml: saved, 1 line")
         assert toml.read_bytes() == after
         assert load_lut(lut).tables["vertical"].rows()[0].scaled == 512
+
+    drive(app_on(project), do)
+
+
+def test_a_pane_has_the_whole_screen_and_gives_it_back(tmp_path):
+    project = make_project(tmp_path / "project")
+
+    async def do(app, pilot):
+        view = await on_blooming(app, pilot)
+        for screen, others in (
+            ("f5", ("[u] Curve", "[p] ")),
+            ("f2", ("[c] Scenarios", "[h] Edits")),
+            ("f3", ("[f] ",)),
+        ):
+            await pilot.press(screen)
+            await sees(app, pilot, others[0])
+            before, first = text_of(app), app.focused
+            await pilot.press("z")
+            await misses(app, pilot, others[0])
+            text = text_of(app)
+            assert not any(other in text for other in others)
+            # The fixed lines stay, and the pane has all between them.
+            assert [text.splitlines()[row] for row in (0, 1, -1)] == [before.splitlines()[row] for row in (0, 1, -1)]
+            assert first.size == (80, 20)
+            # Another pane that is gone to has the whole screen then.
+            await pilot.press("tab")
+            await sees(app, pilot, f">[{app.focused.label}]")
+            assert app.focused.size == (80, 20)
+            await pilot.press("shift+tab", "z")
+            await until(pilot, lambda text=before: text_of(app) == text, lambda: text_of(app))
+        assert view.zoomed is None
 
     drive(app_on(project), do)

@@ -102,6 +102,15 @@ def test_a_newer_edit_takes_the_place_of_an_older_one(project):
         worker.answer()
         await until(pilot, lambda: "worse" in line_of(app)[1], lambda: text_of(app))
         assert app.numbers.known(app.numbers.seen).before == known.number
+        # It can be seen in the place of what is set now: number, curve and profile; nothing is simulated for that.
+        now, asked = line_of(app), len(worker.asked)
+        await pilot.press("apostrophe")
+        await until(pilot, lambda: line_of(app)[1].startswith("BASELINE | "), lambda: text_of(app))
+        assert line_of(app)[0] == f"{known.number.value:.2f}" != now[0]
+        await sees(app, pilot, " baseline")
+        await pilot.press("apostrophe")
+        await until(pilot, lambda: line_of(app) == now, lambda: text_of(app))
+        assert len(worker.asked) == asked
         # What it is computed from: the table as it is shown, and the command that makes the same once that is saved.
         await pilot.press("I")
         await sees(app, pilot, "Inputs")

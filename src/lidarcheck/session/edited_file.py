@@ -124,6 +124,10 @@ class EditedFile(Generic[T]):
         """Whether there is something to save: what is shown is not what the disk had when it was looked at last."""
         return self._nothing_there or self.content != _bytes(self.saved)
 
+    def parsed(self, content: bytes) -> T:
+        """What other bytes of the file hold, as those that it had before."""
+        return self._parse(content)
+
     def diff(self) -> list[Any]:
         """What saving would change."""
         return self._differences(self.saved, self.current)

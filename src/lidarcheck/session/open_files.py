@@ -68,7 +68,8 @@ S = TypeVar("S", bound=EditedFile[Any])
 
 class OpenFiles:
     """`on_change`: is called, in any thread, when a file's content may be another. `edits`: how often one was: edits,
-    undo, redo, saving and reading again included.
+    undo, redo, saving and reading again included. `shows_baseline`: the baseline stands in the place of what is set now
+    in all that is shown, until a file is edited.
     """
 
     def __init__(self) -> None:
@@ -80,6 +81,7 @@ class OpenFiles:
         self._begun = time.time()
         self._first: dict[str, _Shown] = {}
         self._pinned: tuple[Mapping[str, _Shown], int] | None = None
+        self.shows_baseline = False
         self._now: dict[str, _Shown] = {}
         self._bursts: OrderedDict[int, _Burst] = OrderedDict()
         self._burst_of: dict[int, int] = {}
@@ -124,6 +126,8 @@ class OpenFiles:
 
     def inputs(self) -> Inputs:
         """All inputs as they are shown now."""
+        if self.shows_baseline and self._pinned is not None:
+            return self._inputs_of(*self._pinned)
         edited = {name: file.content for name, file in list(self._open.items()) if file.dirty}
         return Inputs(edited, self.disk, self.edit)
 
@@ -149,14 +153,24 @@ class OpenFiles:
         return None if self._pinned is None else self._inputs_of(*self._pinned)
 
     def pin(self) -> None:
-        """What is shown now is the baseline."""
-        self._pinned = dict(self._now), self.edit
+        """What is set now is the baseline."""
+        self._pinned, self.shows_baseline = (dict(self._now), self.edit), False
         self.on_change()
 
     def unpin(self) -> None:
         """There is no baseline any more."""
-        self._pinned = None
+        self._pinned, self.shows_baseline = None, False
         self.on_change()
+
+    def show_baseline(self, is_shown: bool) -> None:
+        """Have the baseline shown in the place of what is set now, or that again."""
+        self.shows_baseline = is_shown and self._pinned is not None
+        self.on_change()
+
+    def content_shown(self, file: EditedFile[Any]) -> bytes:
+        """The bytes of an open file that are shown: with all edits, or as they were at the baseline."""
+        shown = None if self._pinned is None else self._pinned[0].get(os.path.realpath(file.path))
+        return file.content if shown is None or not self.shows_baseline else shown.content
 
     def _inputs_of(self, contents: Mapping[str, _Shown], edit: int) -> Inputs:
         """Inputs with these contents, in the place of the disk's only where that has others."""
@@ -214,7 +228,7 @@ class OpenFiles:
         """After an edit, or what ends the step that it would go on with."""
         if not self._is_edit:
             self._going = 0
-        self._is_edit = False
+        self._is_edit = self.shows_baseline = False
         self.edits += 1
         self._in_force, self._now[real] = self.edit, self._shown(real, file)
         self.on_change()

@@ -240,7 +240,7 @@ class Session(OpenFiles):
 
     def edited_of(self, files: Iterable[str | os.PathLike[str]]) -> list[str]:
         """Which of these files have edits that are not saved."""
-        edited = self.inputs().edited
+        edited = {name for name, file in list(self._open.items()) if file.dirty}
         return [os.fspath(name) for name in files if os.path.realpath(name) in edited]
 
     def _unchanged(self, files: Mapping[str, str], inputs: Inputs) -> bool:

@@ -109,6 +109,8 @@ ACTIONS: tuple[Action, ...] = (
     Action("save", "", ("S", "ctrl+s"), "", "show what changes in which file, then save all", "save", "lut set", "bytes"),
     Action("difference", "", ("d",), "", "what saving would change", "difference", "lut set", "--dry-run"),
     Action("baseline", "", ("B",), "", "compare numbers with what is set now, or no longer", "baseline", reason=_ALONE),
+    Action("show baseline", "", ("apostrophe",), "", "the baseline in the place of what is set now, in numbers, plots and pages; and back", "show_baseline", reason=_ALONE),
+    Action("zoom pane", "", ("z",), "", "the pane on the whole screen, or all panes again", "zoom_pane", reason=_PLACE),
     Action("inputs", "", ("I",), "", "what the pane and the number are computed from: files, hashes, edit, sample, time, command", "inputs", reason="result.json says it of every result, in `computed_from`"),
     Action("help", "", ("question_mark", "f1"), "Help", "help for what has the focus", "help", "", "--help", _ALONE),
     Action("palette", "", ("ctrl+p", "f10", "colon"), "Find", "find any action by its name", "palette", reason=_PLACE),

@@ -67,6 +67,7 @@ class LidarcheckApp(Everywhere):
     Screen { background: $background; layers: default over; }
     View { height: 1fr; width: 1fr; }
     ContentSwitcher { height: 1fr; }
+    View .zoomed { dock: none; width: 1fr !important; height: 1fr !important; min-height: 100%; max-height: 100%; }
     #log { height: 7; display: none; }
     #log.shown { display: block; }
     """
@@ -282,7 +283,9 @@ class LidarcheckApp(Everywhere):
         self._show_keys()
 
     def _show_keys(self) -> None:
-        """The last line is that of the pane that has the focus."""
+        """The last line is that of the pane that has the focus; where one has the whole screen, it is that one."""
+        if self.view.zoomed not in (None, self.focused) and self.focused in self.view.panes():
+            self.view.zoom(self.focused)
         self.bars.show_keys(self.able(), self._columns or self.size.width)
 
     def progress(self, text: str, screen: str) -> None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from textual import events
 from textual.fuzzy import FuzzySearch
 
 from lidarcheck.tui.widgets.lines import Line, line, printable
@@ -43,14 +44,17 @@ class Opening:
 
 
 class Chooser(Listing[Opening]):
-    """`recent`: keys of what was opened last, which come first where nothing is typed."""
+    """`recent`: keys of what was opened last, which come first where nothing is typed. `marked`: what is opened
+    together, one after the other, also while others are listed.
+    """
 
     empty = "nothing is called so; without the first character all kinds are searched"
-    keys = "@ measured  # scenario  % file  = choice  : action  ^G back"
+    keys = "@ measured  # scenario  % file  = choice  : action  Tab marks  ^G back"
 
     def __init__(self, openings: Sequence[Opening], recent: Sequence[str], typed: str = "") -> None:
         self._all = list(openings)[:_MOST]
         self._recent = list(recent)
+        self.marked: list[Opening] = []
         self.typed = Typed(typed)
         super().__init__("", [])
         self.changed()
@@ -65,11 +69,23 @@ class Chooser(Listing[Opening]):
         self.title = f"Open: {len(found)} of {len(self._all)}"
         self.list_again(found[:_SHOWN])
 
+    def key(self, event: events.Key) -> None:
+        """Mark what is under the cursor, or not; Enter opens all that is marked."""
+        if event.key == "tab" and self.items:
+            item = self.items[self.number]
+            self.marked = [one for one in self.marked if one is not item] + ([] if item in self.marked else [item])
+            self.number = min(self.number + 1, len(self.items) - 1)
+        elif event.key == "enter" and self.marked:
+            self.dismiss(_all_of(self.marked))
+        else:
+            super().key(event)
+
     def row(self, item: Opening, width: int) -> Line:
         """Kind, name and words; a long name keeps its end."""
-        name, room = printable(item.name), max(min(_NAME, width - _KIND - 1), 8)
+        name, room = printable(item.name), max(min(_NAME, width - _KIND - 2), 8)
         name = name if len(name) <= room else f"..{name[2 - room :]}"
-        return ((f"{item.kind:{_KIND}}", "dim"), (f"{name:{room}} ", "text"), (item.words, "dim"))
+        mark = "*" if item in self.marked else " "
+        return ((f"{mark}{item.kind:{_KIND}}", "dim"), (f"{name:{room}} ", "text"), (item.words, "dim"))
 
     def last(self, _width: int) -> list[Line]:
         """What the marked one is."""
@@ -77,6 +93,16 @@ class Chooser(Listing[Opening]):
             return []
         one = self.items[self.number]
         return [line(f"{one.about or one.words or one.name}", "title")]
+
+
+def _all_of(marked: Sequence[Opening]) -> Opening:
+    """One that opens all of them, in the order in which they were marked."""
+
+    def do() -> None:
+        for one in marked:
+            one.do()
+
+    return Opening(marked[-1].kind, marked[-1].name, "", do)
 
 
 def ranked(openings: Sequence[Opening], words: Sequence[str], recent: Sequence[str]) -> list[Opening]:

@@ -34,7 +34,7 @@ _LEVELS = ".-=#"
 @dataclass(frozen=True)
 class Context:
     """What the line says. `file`: the table's, with `unsaved` edits; `place`: which of how many distances; `kind`: of
-    the number; `course`: the numbers after each edit, the last one now.
+    the number; `course`: the numbers after each edit, the last one now; `is_baseline`: all is of the baseline.
     """
 
     file: str = ""
@@ -45,6 +45,7 @@ class Context:
     kind: str = ""
     known: Known = field(default_factory=Known)
     course: tuple[float, ...] = ()
+    is_baseline: bool = False
 
 
 class _Part(NamedTuple):
@@ -85,7 +86,9 @@ def _looked_at(context: Context, width: int) -> list[_Part]:
     file = printable(context.file)
     model = context.model if width >= BEFORE_FROM else context.model.removesuffix(".toml")
     unsaved = f"*{context.unsaved}" if context.unsaved else ""
+    baseline = _Part("BASELINE", "edited", 0, first=True)
     return [
+        *([baseline] if context.is_baseline else []),
         _Part(file, "title", 3, True, file.rpartition(".")[0]),
         _Part(unsaved, "edited", 7),
         _Part(printable(model), "text", 2),

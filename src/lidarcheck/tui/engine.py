@@ -277,6 +277,7 @@ class Engine:
         is.
         """
         session, pinned = self.session, self.session.baseline()
+        session.show_baseline(False)
         if pinned is not None and pinned.edited == session.inputs().edited:
             session.unpin()
         else:

@@ -217,6 +217,18 @@ class Everywhere(Mouse):
         on = self.numbers.engine.set_baseline()
         self.say("baseline: numbers are compared with what is set now" if on else "no baseline: with the last step")
 
+    def action_show_baseline(self) -> None:
+        """The baseline in the place of what is set now, everywhere; or what is set now again."""
+        session = self.session
+        if session.baseline() is None:
+            self.say("there is no baseline: B makes one of what is set now")
+            return
+        session.show_baseline(not session.shows_baseline)
+        self.say(
+            "the baseline is shown; ' or an edit goes back" if session.shows_baseline else "what is set now is shown"
+        )
+        self.view.edited()
+
     def action_inputs(self) -> None:
         """What the pane, and the number in the second line, are computed from."""
         pane = self.focused.id if self.focused else ""
@@ -241,6 +253,14 @@ class Everywhere(Mouse):
         if panes:
             at = panes.index(self.focused) if self.focused in panes else -by
             panes[(at + by) % len(panes)].focus()
+
+    def action_zoom_pane(self) -> None:
+        """The focused pane on the whole screen, or all panes again."""
+        view, pane = self.view, self.focused
+        if view.zoomed is not None:
+            view.zoom(None)
+        elif isinstance(pane, Lines) and pane in view.panes():
+            view.zoom(pane)
 
     def action_log(self) -> None:
         """Show or hide the log."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -154,6 +155,9 @@ class Numbers:
 
     def context(self) -> Context:
         """What the second line says."""
+        return replace(self._context(), is_baseline=self._session.shows_baseline)
+
+    def _context(self) -> Context:
         seen, last = self.seen, self._session.step(self._session.edit)
         file = self._choice.of("lut").rpartition("/")[2] if last.path is None else last.path.name
         unsaved = self._session.unsaved()

@@ -22,11 +22,12 @@ if TYPE_CHECKING:
     from lidarcheck.formats.lut import Axis, LutTable
     from lidarcheck.tui.jobs.profiles import Shown
 
-__all__ = ["NOW", "REAL", "SAVED", "WANTED", "curve_chart", "profile_chart"]
+__all__ = ["BASELINE", "NOW", "REAL", "SAVED", "WANTED", "curve_chart", "profile_chart"]
 
-REAL, NOW, SAVED, WANTED = "real", "now", "saved", "wanted"
+REAL, NOW, BASELINE, SAVED, WANTED = "real", "now", "baseline", "saved", "wanted"
 _FORMS: Mapping[str, tuple[PlotRole, Form]] = {
-    REAL: ("real", "solid"), NOW: ("now", "open"), SAVED: ("saved", "dots"), WANTED: ("wanted", "dashes"),
+    REAL: ("real", "solid"), NOW: ("now", "open"), BASELINE: ("now", "open"),
+    SAVED: ("saved", "dots"), WANTED: ("wanted", "dashes"),
 }  # fmt: skip
 _REACHES = (1.05, 1.1, 1.2, 1.5, 2.0, 5.0, 10.0, 100.0)
 _FAR = 0.5
@@ -34,11 +35,13 @@ _FAR = 0.5
 
 
 def curve_chart(tables: Mapping[str, LutTable], axis: Axis, at: int) -> Chart:
-    """Tables by name, that which is edited first (`NOW`), over X: even in its symmetric logarithm, with its own values
-    as ticks, so that near rows stand apart as far ones do. `at`: the row under the cursor.
+    """Tables by name, that which is edited first (`NOW`, or `BASELINE` in its place), over X: even in its symmetric
+    logarithm, with its own values as ticks, so that near rows stand apart as far ones do. `at`: the row under the
+    cursor.
     """
     course = table_course("Curve", axis, ())
     traces = tuple(Trace(name, table.x, table.y, *_FORMS[name]) for name, table in tables.items())
+    at = min(at, len(traces[0].x) - 1)
     return Chart(
         ("curve", axis), course.title, course.x_label, "", traces, "symlog", "log",
         own_ticks=True, at=(0, at), drag=0,
@@ -64,13 +67,14 @@ def profile_chart(feature: str, sides: Mapping[str, Shown], where: str, axis: Ax
         ("profile", key, feature), f"{where} {course.y_label}", course.x_label, "", tuple(traces),
         y_scale="log" if course.log_y else "lin", compared="difference",
     )  # fmt: skip
-    return replace(chart, strip=_left_over(chart)) if {REAL, NOW} <= set(sides) else chart
+    now = next((name for name in (NOW, BASELINE) if name in sides), "")
+    return replace(chart, strip=_left_over(chart, now)) if REAL in sides and now else chart
 
 
-def _left_over(chart: Chart) -> Strip | None:
+def _left_over(chart: Chart, name: str) -> Strip | None:
     """Real over expected where a feature is seen on a logarithmic axis, else real minus expected."""
     by_name = {trace.name: trace for trace in chart.traces}
-    real, now = by_name[REAL], by_name[NOW]
+    real, now = by_name[REAL], by_name[name]
     x, at, other = np.intersect1d(np.round(real.x, 6), np.round(now.x, 6), return_indices=True)
     measured, expected = real.y[at], now.y[other]
     known = np.isfinite(measured) & np.isfinite(expected)
@@ -82,13 +86,13 @@ def _left_over(chart: Chart) -> Strip | None:
         off = np.log(ratio, out=np.full(len(x), np.nan), where=known)
         most = float(np.exp(np.nanmax(np.abs(off)))) if known.any() else 1.0
         reach = next((one for one in _REACHES if one >= most), _REACHES[-1])
-        words = f"real / now, rms {100.0 * _rms(off):.3g} %"
+        words = f"real / {name}, rms {100.0 * _rms(off):.3g} %"
         return Strip(words, x, ratio, np.abs(off) > _FAR * np.log(reach), "log", reach, "x")
     off = np.where(known, measured - expected, np.nan)
     most = float(np.nanmax(np.abs(off)))
     reach = 10.0 ** np.ceil(np.log10(most)) if most > 0.0 else 1.0
     reach = next(part * reach for part in (0.2, 0.5, 1.0) if part * reach >= most)
-    words = f"real - now, rms {_rms(off):.3g}"
+    words = f"real - {name}, rms {_rms(off):.3g}"
     return Strip(words, x, off, np.abs(off) > _FAR * reach, "lin", float(reach))
 
 

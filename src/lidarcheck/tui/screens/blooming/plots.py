@@ -11,7 +11,7 @@ from lidarcheck.session.node import Node
 from lidarcheck.session.session import CURRENT, OLD
 from lidarcheck.tui.jobs.profile_worker import ProfileWorker
 from lidarcheck.tui.jobs.profiles import Choice, ProfileData
-from lidarcheck.tui.screens.blooming.charts import NOW, REAL, SAVED, WANTED
+from lidarcheck.tui.screens.blooming.charts import BASELINE, NOW, REAL, SAVED, WANTED
 from lidarcheck.tui.screens.blooming.draw import draw_curve, draw_fault, draw_profile, draw_words
 from lidarcheck.tui.screens.blooming.panes import BloomingPanes
 from lidarcheck.tui.screens.blooming.selection import Selection
@@ -67,12 +67,12 @@ class BloomingPlots:
 
     def expectation(self, choice: Choice) -> tuple[str, Shown | None]:
         """(its state, what the table gives there); while that is computed, what it gave before the last edit."""
-        word, profile = self.worker.expected(choice, self._table.table())
+        word, profile = self.worker.expected(choice, self._table.shown())
         return "computing" if word.startswith(OLD) or not word else self.panes.host.inside(word), profile
 
     def node(self) -> Node | None:
         """What the expectation of the dataset under the hand is computed by."""
-        choice, table = self.selection.choice(self.selection.dataset), self._table.table()
+        choice, table = self.selection.choice(self.selection.dataset), self._table.shown()
         return None if choice is None or table is None else self.worker.node(choice, table)
 
     @property
@@ -81,7 +81,7 @@ class BloomingPlots:
         choice = self.selection.choice(self.selection.dataset)
         if choice is None:
             return None
-        word, profile = self.worker.expected(choice, self._table.table())
+        word, profile = self.worker.expected(choice, self._table.shown())
         return profile if word == CURRENT else None
 
     def shown(self) -> ProfileData | None:
@@ -134,7 +134,7 @@ class BloomingPlots:
     def update(self) -> None:
         """Draw what is there, and have the rest computed."""
         choices = self.selection.choices()
-        self.worker.ask(choices, self._table.table(), self.panes.host.soon)
+        self.worker.ask(choices, self._table.shown(), self.panes.host.soon)
         self.redraw()
         self._on_dataset()
 
@@ -148,6 +148,11 @@ class BloomingPlots:
 
     # Drawing
 
+    @property
+    def _now(self) -> str:
+        """What the table that is shown is called."""
+        return BASELINE if self.panes.host.session.shows_baseline else NOW
+
     def redraw(self) -> None:
         """All panes that are seen."""
         if self.panes.is_mounted:
@@ -158,10 +163,10 @@ class BloomingPlots:
     def redraw_curve(self) -> None:
         """The curve alone."""
         pane, editor = self.panes.curve_pane(), self._table
-        table, saved = editor.table(), editor.table(saved=True)
+        table, saved = editor.shown(), editor.table(saved=True)
         if not pane.display or editor.file is None or table is None:
             return
-        tables = {NOW: table}
+        tables = {self._now: table}
         if editor.file.dirty and saved is not None:
             tables[SAVED] = saved
         wanted = editor.wanted() if self.wanted is None else self.wanted
@@ -189,7 +194,7 @@ class BloomingPlots:
             sides, state = {REAL: found.real}, CURRENT
             if feature != RANGE and self._table.file is not None:
                 state, expected = self.expectation(choice)
-                sides |= {} if expected is None else {NOW: expected}
+                sides |= {} if expected is None else {self._now: expected}
                 saved = self._saved(choice)
                 sides |= {} if saved is None else {SAVED: saved}
             key = (choice.dataset.name, choice.model.name)

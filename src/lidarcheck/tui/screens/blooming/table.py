@@ -38,6 +38,13 @@ class TableEditor(Editor[EditedLut]):
             return None
         return (self.file.saved if saved else self.file.current).tables.get(self.axis)
 
+    def shown(self) -> LutTable | None:
+        """The table that plots show: as it is edited, or as it was at the baseline."""
+        if self.file is None or not self.view.host.session.shows_baseline:
+            return self.table()
+        content = self.view.host.session.content_shown(self.file)
+        return self.file.parsed(content).tables.get(self.axis)
+
     def wanted(self) -> LutTable | None:
         """What a fit wants the table to be, until that is taken over; None without."""
         return None if self.file is None else self._wanted.get((os.path.realpath(self.file.path), self.axis))

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
+from textual._arrange import arrange
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
+from textual.geometry import Size
+from textual.layout import DockArrangeResult
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.session.node import Node
@@ -46,6 +49,9 @@ class View(Vertical):
         Binding("shift+tab", "app.next_pane(-1)", show=False),
     ]
 
+    zoomed: Lines | None = None
+    """The pane that has the whole screen; None where all have their room."""
+
     OPENS: ClassVar[dict[str, str]] = {}
     """A pane's id to the kind that the chooser begins with, as in `chooser.PREFIXES`."""
 
@@ -58,6 +64,21 @@ class View(Vertical):
     def is_chosen(self) -> bool:
         """Whether this screen is the one that is seen, also before it is laid out and while a question is asked."""
         return bool(self.is_mounted and self.display)
+
+    def zoom(self, pane: Lines | None) -> None:
+        """Give one pane the whole screen, or all of them their room again."""
+        if self.zoomed is not None:
+            self.zoomed.remove_class("zoomed")
+        self.zoomed = pane
+        if pane is not None:
+            pane.add_class("zoomed")
+        self.refresh(layout=True)
+
+    def arrange(self, size: Size, optimal: bool = False) -> DockArrangeResult:
+        """The panes in their room; or one of them alone, whatever it is in."""
+        if self.zoomed is None or not self.zoomed.display:
+            return super().arrange(size, optimal)
+        return arrange(self, [self.zoomed], size, self.screen.size, optimal)
 
     def panes(self) -> list[Lines]:
         """The panes that can have the focus, in order."""
