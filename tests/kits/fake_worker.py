@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lidarcheck.calibration.number.number import Number
+from lidarcheck.calibration.number.number import Number, Residual
 from lidarcheck.formats.lut import load_lut
 from lidarcheck.reading import reading
 from lidarcheck.session.worker import Outcome, Worker
@@ -89,7 +89,12 @@ def number_of(how, request):
     parts = {"PEAK": value, "AREA": value, "WIDTH": value}
     sample = f"7 200 beams x {request.seeds}"
     name = os.fspath(request.measured[0])
-    return Number(request.kind, value, 0.4, parts, sample, left_out, "columns", name, str(value), exact=exact)
+    offset = np.array([-30.0, 0.0, 30.0])
+    off = {part: np.array([value, 0.0, -value]) for part in parts}
+    residual = Residual(offset, off, dict.fromkeys(parts, np.full(3, 0.1)))
+    return Number(
+        request.kind, value, 0.4, parts, sample, left_out, "columns", name, str(value), exact=exact, residual=residual
+    )
 
 
 def second_line(text):

@@ -67,6 +67,11 @@ class Known:
     since_start: Step | None = None
     start: Number | None = None
 
+    @property
+    def is_of_now(self) -> bool:
+        """Whether the number is of the inputs as they are, simulated or expected."""
+        return self.state in (CURRENT, EXPECTED) or (self.number is not None and not self.number.exact)
+
 
 class Engine:
     """Keeps the numbers of all measurements up to date with what is edited.

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from lidarcheck.session.choice import PARTS, Choice
@@ -130,6 +131,11 @@ class Numbers:
     def known(self, one: Measurement) -> Known:
         """What is known of its number."""
         return self.engine.known(self.asked(one))
+
+    def of_file(self, path: Path) -> Known | None:
+        """What is known of the number of the measurement that a file belongs to; None where it belongs to none."""
+        one = next((one for one in self.measured.all if path in one.files), None)
+        return None if one is None else self.known(one)
 
     def choose(self, one: Measurement) -> None:
         """Look at a measurement, on every screen."""

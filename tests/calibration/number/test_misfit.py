@@ -33,6 +33,13 @@ def test_a_wrong_row_is_worse_its_undo_the_same_number_and_an_unseen_row_is_not_
     assert step.word == "worse"
     assert step.low > 0.0
     assert judged(wrong, first).word == "better"
+    # What it is made of: beyond chance where the row is, darker than what is simulated, and hardly anywhere at first.
+    assert set(wrong.residual.off) == set(wrong.parts)
+    far = wrong.residual.off["AREA"] / wrong.residual.chance["AREA"]
+    x = float(table().splitlines()[0].split("=")[1].split(",")[7])
+    assert far[np.abs(wrong.residual.offset - x) < 0.6].min() < -4.0
+    right = np.abs(first.residual.off["AREA"] / first.residual.chance["AREA"])
+    assert np.nanmean(right < 2.0) > 0.8
     again = edited(sign, table())
     assert again.value == first.value
     assert again.simulated == first.simulated

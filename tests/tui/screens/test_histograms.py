@@ -1,15 +1,19 @@
 """Histograms, driven by keys on a small bench: what is found, compared, left out, put side by side and written."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from bench_kit import make_bench
+from lidarcheck.calibration.number.number import Number
 from lidarcheck.cli import main
 from lidarcheck.session.project import Entry, Project, read_project
 from lidarcheck.tui.app import LidarcheckApp
+from lidarcheck.tui.engine import Known
 from lidarcheck.tui.jobs.vehicles import FILES, groups_of, job_of, options_of, source_of
 from lidarcheck.tui.screens.histograms import Histograms
+from lidarcheck.tui.screens.vehicle_numbers import number_lines
 from tui_kit import apart_from_key, as_stored, done, drive, misses, says, sees, text_of, until
 
 
@@ -266,3 +270,18 @@ def test_snapshots(bench, size):
         await as_stored(app, pilot, f"histograms_{size[0]}x{size[1]}")
 
     histograms(bench, do, size)
+
+
+def test_the_numbers_have_each_features_part_now_before_and_at_the_start():
+    gap = SimpleNamespace(ks=0.062, mean_measured=100.0, mean_simulated=103.0)
+    at = SimpleNamespace(distance_m=16.0, features={"PEAK": gap, "AREA": gap}, ks_chance={"PEAK": 0.03, "AREA": 0.133})
+    now, start = (
+        Number("gap", 0.7, 0.4, {"PEAK": part, "AREA": 12.345}, "", np.zeros(3), "", "", "") for part in (0.52, 0.5)
+    )
+    title, lines = number_lines(at, "AREA", Known("OLD, of edit 3", now, None, None, None, start))
+    assert title == "16 m     now before  start     KS  by chance  gap [sd], OLD, of edit 3"
+    assert ["".join(text for text, _ in one) for one in lines] == [
+        " PEAK        0.52      -   0.50  0.062     0.030  mean +3.0 %, beyond chance",
+        ">AREA        12.3      -   12.3  0.062     0.133  within chance",
+    ]
+    assert number_lines(at, "AREA", Known("not yet known"))[0] == "16 m      KS  by chance"

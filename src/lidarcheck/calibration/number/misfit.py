@@ -8,7 +8,7 @@ the measurement, so that the number does not depend on which model it was begun 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,12 +16,12 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.number.beside import Beside
-from lidarcheck.calibration.number.number import Number
+from lidarcheck.calibration.number.number import Number, Residual
 from lidarcheck.calibration.number.seen import Seen
 from lidarcheck.formats.table import counted
 from lidarcheck.inference.observed.echo_view import Slot
 
-__all__ = ["DETECTED", "Means", "Misfit", "by_name", "means_of"]
+__all__ = ["DETECTED", "Means", "Misfit", "means_of"]
 
 DETECTED = "detected"
 _LEAST_SHARE_SD = 0.05
@@ -122,7 +122,7 @@ class Misfit:
         return Number(
             "misfit", value, self._floor(seen, shown), dict(zip(self.names, parts.tolist(), strict=True)), sample,
             value - self._contributions(sums, shown), self._blocks[1], self.scale, simulated,
-            about=self._lacking(),
+            about=self._lacking(), residual=self.residual(shown),
         )  # fmt: skip
 
     def expected(self, shown: Means, *, floor: float, simulated: str) -> Number:
@@ -130,8 +130,21 @@ class Misfit:
         parts = np.sqrt(self.squares(shown))
         return Number(
             "misfit", self.value(shown), floor, dict(zip(self.names, parts.tolist(), strict=True)), "expected",
-            np.zeros(0), self._blocks[1], self.scale, simulated, exact=False,
+            np.zeros(0), self._blocks[1], self.scale, simulated, exact=False, residual=self.residual(shown),
         )  # fmt: skip
+
+    def residual(self, shown: Means) -> Residual:
+        """What the number is made of, cell by cell."""
+        m, features = self.measured, len(self.slots)
+        counts = [(m.n, shown.n), *[(m.hits, shown.hits)] * features]
+        known = np.column_stack([(a > 0.0) & (b > 0.0) for a, b in counts]) & np.isfinite(self.spread)
+        chance = np.column_stack([np.sqrt(1.0 / np.maximum(a, 1.0) + 1.0 / np.maximum(b, 1.0)) for a, b in counts])
+        off = np.where(known, self._off(shown, m)[0], np.nan)
+        return Residual(
+            self.cells[:, 1],
+            dict(zip(self.names, off.T, strict=True)),
+            dict(zip(self.names, chance.T, strict=True)),
+        )
 
     def _off(self, shown: Means, measured: Means) -> tuple[FloatArray, FloatArray]:
         """How far each cell is off, and what it weighs, shape (cells, 1 + features) each."""
@@ -260,9 +273,3 @@ def _without(together: Means, one: Means) -> Means:
     n, hits = together.n - one.n, together.hits - one.hits
     total = together.value * together.hits[:, None] - one.value * one.hits[:, None]
     return Means(n, hits / np.maximum(n, 1.0), hits, total / np.maximum(hits, 1.0)[:, None])
-
-
-def by_name(misfit: Misfit, shown: Means) -> Mapping[str, FloatArray]:
-    """How far each cell is off, by name, (cells,): what a residual strip shows."""
-    off, _ = misfit._off(shown, misfit.measured)
-    return dict(zip(misfit.names, off.T, strict=True))

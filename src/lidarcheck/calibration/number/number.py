@@ -13,7 +13,7 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import UsageError
 from lidarcheck.inference.intervals import ENDS
 
-__all__ = ["LEAST", "UNSEEN", "Kind", "Number", "Step", "in_words", "judged"]
+__all__ = ["LEAST", "UNSEEN", "Kind", "Number", "Residual", "Step", "in_words", "judged"]
 
 Kind = Literal["misfit", "gap"]
 
@@ -21,6 +21,19 @@ LEAST = 0.005
 """A difference that is smaller is none that anybody should act on [sd]."""
 UNSEEN = "no beam sees this row"
 SMALL = f"same, < {LEAST:g}"
+
+
+@dataclass(frozen=True)
+class Residual:
+    """How far measured means lie above simulated ones in each cell, in standard deviations of one beam.
+
+    `offset` (cells,) of the cells from their target; `off`: by what is compared, (cells,), NaN where one side has no
+    echo; `chance`: the standard deviation of that by the number of beams alone, (cells,).
+    """
+
+    offset: FloatArray
+    off: Mapping[str, FloatArray]
+    chance: Mapping[str, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -32,8 +45,8 @@ class Number:
     it takes to judge any two numbers of one `scale`; `blocks`: what these are, in words. `scale`: a hash of what was
     measured, of the sample and of the spreads that the value counts in. `simulated`: a hash of the light of all beams
     and of what sees it: numbers that agree in it are the same. `noise`: what was taken off a gap as the model's own:
-    `explain` prints the sum of both. `exact`: simulated, not expected. `about`: what is said
-    beside it.
+    `explain` prints the sum of both. `exact`: simulated, not expected. `about`: what is said beside it. `residual`: of
+    a misfit, what it is made of.
     """
 
     kind: Kind
@@ -49,6 +62,7 @@ class Number:
     exact: bool = True
     seconds: float = field(default=0.0, compare=False)
     about: str = ""
+    residual: Residual | None = field(default=None, compare=False, repr=False)
 
     @property
     def key(self) -> str:

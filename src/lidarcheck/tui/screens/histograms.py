@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -18,7 +17,8 @@ from lidarcheck.tui.screens.pages.export import file_name
 from lidarcheck.tui.screens.pages.lines import together
 from lidarcheck.tui.screens.pages.screen import PageView
 from lidarcheck.tui.screens.shared.view import MOVES, bindings
-from lidarcheck.tui.widgets.lines import Line, Lines, line
+from lidarcheck.tui.screens.vehicle_numbers import number_lines
+from lidarcheck.tui.widgets.lines import Line, Lines
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.vehicles.compare import AtDistance, VehicleComparison
@@ -51,8 +51,9 @@ class Histograms(PageView):
         "ratio, o where chance allows it and ! where not. From 120 columns on the three are side by side, a row a "
         "distance; n and p go on to other distances and features, then to the points. b goes to Cloud, which shows "
         "both vehicles beside each other, lays one over the other and writes both as one cloud.",
-        "numbers": "How far real and simulated are apart at the distance that is seen: the Kolmogorov-Smirnov "
-        "distance, what it passes by chance in one case of twenty, and in words.",
+        "numbers": "How far real and simulated are apart at the distance that is seen: each feature's part of the "
+        "number now, before the last step and at the start, where there is one; the Kolmogorov-Smirnov distance, what "
+        "it passes by chance in one case of twenty, and in words.",
         "words": "The numbers of all distances, and how each vehicle was found.",
     }
     BINDINGS: ClassVar[list[Any]] = [*bindings("histograms"), *MOVES]
@@ -90,11 +91,35 @@ class Histograms(PageView):
     def _draw_page(self) -> None:
         """The numbers as well."""
         super()._draw_page()
+        self._draw_numbers()
+
+    def _draw_numbers(self) -> None:
         pane, page = self.query_one("#numbers", Lines), self.page
         shown = [] if page is None or not self.has_class("one") else self.shown(page)[1]
-        title, lines = number_lines(self.result, shown[0][0] if shown else None)
+        title, lines = self._numbers_of(shown[0][0]) if shown else ("Numbers", [])
         pane.display = bool(lines)
         pane.show(lines, title=title, state=self.state if lines else "")
+
+    def _numbers_of(self, figure: Figure) -> tuple[str, list[Line]]:
+        """A title and a line for each feature at the distance of a histogram."""
+        from lidarcheck.figures.data import Distribution
+
+        at = next((one for one in self.result if _at_words(one.distance_m) in figure.title), None)
+        if at is None or not isinstance(figure, Distribution):
+            return "Numbers", []
+        own = self._measured_at(at)
+        return number_lines(at, figure.quantity, None if own is None else self.host.numbers.of_file(own))
+
+    def _measured_at(self, at: AtDistance) -> Path | None:
+        """The file that was measured at a distance of the vehicle."""
+        measured = self._vehicles[self.at].measurements if self._vehicles else ()
+        near = [(abs(one.distance_m - at.distance_m), one.path) for one in measured if one.distance_m is not None]
+        return min(near)[1] if near else None
+
+    def numbers_changed(self) -> None:
+        """A part of them stands below the plot."""
+        if self.is_chosen and self.has_class("one"):
+            self._draw_numbers()
 
     def groups(self, page: Page) -> list[tuple[Figure, ...]]:
         """A distance's features side by side, so many distances below each other as can be read; where there is no
@@ -154,13 +179,12 @@ class Histograms(PageView):
         page = self.page
         if page is None or not self._vehicles or not self.result:
             return
-        measured = self._vehicles[self.at].measurements
         titles = [figure.title for figure, _ in self.shown(page)[1]]
         for at in self.result:
             if any(_at_words(at.distance_m) in title for title in titles):
-                near = [(abs(m.distance_m - at.distance_m), m) for m in measured if m.distance_m is not None]
-                if near:
-                    self.host.choice.choose_measured(min(near, key=lambda one: one[0])[1].path, self.host.project)
+                own = self._measured_at(at)
+                if own is not None:
+                    self.host.choice.choose_measured(own, self.host.project)
                 return
 
     # Choices and files
@@ -213,26 +237,6 @@ class Histograms(PageView):
 def _at_words(distance_m: float) -> str:
     """How the titles of figures say a distance."""
     return f" at {distance_m:.0f} m, "
-
-
-def number_lines(distances: Sequence[AtDistance], figure: Figure | None) -> tuple[str, list[Line]]:
-    """A title and a line for each feature at the distance of a histogram: how far real and simulated are apart."""
-    from lidarcheck.figures.data import Distribution
-
-    if not isinstance(figure, Distribution):
-        return "Numbers", []
-    at = next((one for one in distances if _at_words(one.distance_m) in figure.title), None)
-    if at is None:
-        return "Numbers", []
-    lines: list[Line] = []
-    for name, gap in at.features.items():
-        chance = at.ks_chance[name]
-        off = 100.0 * (gap.mean_simulated / gap.mean_measured - 1.0) if gap.mean_measured else math.nan
-        apart = "within chance" if gap.ks <= chance else f"mean {off:+.1f} %, more than by chance"
-        pointer = ">" if name == figure.quantity else " "
-        words = f"{pointer}{name:9}{gap.ks:7.3f}{chance:10.3f}  {apart}"
-        lines.append(line(words, "text" if gap.ks <= chance else "edited"))
-    return f"{at.distance_m:.0f} m      KS  by chance", lines
 
 
 def _write_sheet(result: VehicleComparison, kind: str, path: Path) -> str:

@@ -15,6 +15,7 @@ from lidarcheck.figures.pages.blooming_courses import (
     profile_curve,
     table_course,
 )
+from lidarcheck.tui.engine import Known
 from lidarcheck.tui.plots.chart import Chart, Form, Strip, Trace
 from lidarcheck.tui.plots.colours import PlotRole
 
@@ -30,8 +31,11 @@ _FORMS: Mapping[str, tuple[PlotRole, Form]] = {
     SAVED: ("saved", "dots"), WANTED: ("wanted", "dashes"),
 }  # fmt: skip
 _REACHES = (1.05, 1.1, 1.2, 1.5, 2.0, 5.0, 10.0, 100.0)
+_REACHES_SD = (3.0, 10.0, 30.0, 100.0)
+_CHANCE = 2.0
+"""What is further off than so many standard deviations of a cell's mean is marked with `!`."""
 _FAR = 0.5
-"""What is further off than this part of the strip's reach is marked with `!`."""
+"""Without a number: what is further off than this part of the strip's reach is marked with `!`."""
 
 
 def curve_chart(tables: Mapping[str, LutTable], axis: Axis, at: int) -> Chart:
@@ -48,8 +52,11 @@ def curve_chart(tables: Mapping[str, LutTable], axis: Axis, at: int) -> Chart:
     )  # fmt: skip
 
 
-def profile_chart(feature: str, sides: Mapping[str, Shown], where: str, axis: Axis, key: Hashable) -> Chart:
-    """A feature of the sides, `REAL` first, over the offset; below it how far `REAL` and `NOW` are apart.
+def profile_chart(
+    feature: str, sides: Mapping[str, Shown], where: str, axis: Axis, key: Hashable, known: Known | None = None
+) -> Chart:
+    """A feature of the sides, `REAL` first, over the offset; below it how far `REAL` and `NOW` are apart: in standard
+    deviations of one beam where the number is `known`, else of the curves.
 
     `where`: at which distance.
     """
@@ -68,7 +75,25 @@ def profile_chart(feature: str, sides: Mapping[str, Shown], where: str, axis: Ax
         y_scale="log" if course.log_y else "lin", compared="difference",
     )  # fmt: skip
     now = next((name for name in (NOW, BASELINE) if name in sides), "")
-    return replace(chart, strip=_left_over(chart, now)) if REAL in sides and now else chart
+    if REAL not in sides or not now:
+        return chart
+    strip = None if known is None else _in_spreads(feature, known, now)
+    return replace(chart, strip=strip or _left_over(chart, now))
+
+
+def _in_spreads(feature: str, known: Known, name: str) -> Strip | None:
+    """Real minus simulated as the number has it; None where it has no such feature."""
+    number = known.number
+    residual = None if number is None else number.residual
+    if number is None or residual is None or feature not in residual.off:
+        return None
+    off = residual.off[feature]
+    most = float(np.nanmax(np.abs(off))) if np.isfinite(off).any() else 0.0
+    reach = next((one for one in _REACHES_SD if one >= most), _REACHES_SD[-1])
+    sides = [("rms", number), ("was", known.before), ("start", known.start)]
+    told = [f"{word} {one.parts[feature]:.2f}" for word, one in sides if one is not None and feature in one.parts]
+    words = f"real - {name} [sd], {', '.join(told)}{'' if known.is_of_now else ', OLD'}"
+    return Strip(words, residual.offset, off, np.abs(off) > _CHANCE * residual.chance[feature], "lin", reach)
 
 
 def _left_over(chart: Chart, name: str) -> Strip | None:

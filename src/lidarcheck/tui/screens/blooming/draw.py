@@ -7,6 +7,7 @@ from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING
 
 from lidarcheck.session.session import CURRENT
+from lidarcheck.tui.engine import Known
 from lidarcheck.tui.plots.plot import Plot
 from lidarcheck.tui.screens.blooming.charts import curve_chart, profile_chart
 from lidarcheck.tui.widgets.lines import line
@@ -35,11 +36,12 @@ def draw_profile(
     *,
     key: Hashable,
     state: str = CURRENT,
+    known: Known | None = None,
 ) -> None:
     """A feature of a dataset, by side, what was measured first. `where`: at which distance; `key`: of the
-    dataset; `state`: whether what is expected belongs to the table as it is shown.
+    dataset; `state`: whether what is expected belongs to the table as it is shown; `known`: its number.
     """
-    pane.plot(profile_chart(feature, sides, where, axis, key), state=state)
+    pane.plot(profile_chart(feature, sides, where, axis, key, known), state=state)
 
 
 def draw_words(pane: Plot, words: str, title: str) -> None:

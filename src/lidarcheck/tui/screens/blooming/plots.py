@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from lidarcheck.session.model_choice import RANGE
 from lidarcheck.session.node import Node
 from lidarcheck.session.session import CURRENT, OLD
+from lidarcheck.tui.engine import Known
 from lidarcheck.tui.jobs.profile_worker import ProfileWorker
 from lidarcheck.tui.jobs.profiles import Choice, ProfileData
 from lidarcheck.tui.screens.blooming.charts import BASELINE, NOW, REAL, SAVED, WANTED
@@ -48,6 +49,7 @@ class BloomingPlots:
         self.wanted: LutTable | None = None
         self._worker: ProfileWorker | None = None
         self._timer: Any = None
+        self._numbers: dict[int, object] = {}
 
     @property
     def worker(self) -> ProfileWorker:
@@ -199,7 +201,21 @@ class BloomingPlots:
                 sides |= {} if saved is None else {SAVED: saved}
             key = (choice.dataset.name, choice.model.name)
             where = f"{self._distance(dataset, found)}, {dataset + 1}/{len(datasets)}"
-            draw_profile(pane, feature, sides, where, choice.axis, key=key, state=state)
+            known = self._known(choice)
+            self._numbers[number] = _mark(known)
+            draw_profile(pane, feature, sides, where, choice.axis, key=key, state=state, known=known)
+
+    def numbers_changed(self) -> None:
+        """Draw what is seen again where its number is another one, or belongs to something else."""
+        for number, (dataset, _) in enumerate(self.selection.tiles()):
+            choice = self.selection.choice(dataset)
+            if choice is not None and _mark(self._known(choice)) != self._numbers.get(number):
+                self._draw_tile(number)
+
+    def _known(self, choice: Choice) -> Known | None:
+        """What is known of the misfit of a dataset; None where it has none."""
+        known = self.panes.host.numbers.of_file(choice.dataset.path)
+        return known if known is not None and known.number is not None and known.number.residual is not None else None
 
     def _saved(self, choice: Choice) -> Shown | None:
         """What the table as the disk has it gives there, where that is another and was computed."""
@@ -213,3 +229,8 @@ class BloomingPlots:
         distance = f"{found.distance_m:.1f} m"
         several = not self.selection.four and len(self.selection.tiles()) > 1
         return f"<{distance}>" if several and dataset == self.selection.dataset else distance
+
+
+def _mark(known: Known | None) -> object:
+    """What a strip is drawn from: which numbers, and whether they are of what is shown."""
+    return None if known is None else (id(known.number), id(known.before), known.is_of_now)

@@ -145,6 +145,11 @@ class Blooming(EditActions):
         if self.is_chosen:
             self.plots.later()
 
+    def numbers_changed(self) -> None:
+        """The strips below the profiles are made of them."""
+        if self.is_chosen:
+            self.plots.numbers_changed()
+
     def node(self) -> Node | None:
         """Of the plots what the profile is computed by; the table is not computed."""
         focused = self.app.focused
