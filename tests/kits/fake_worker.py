@@ -10,7 +10,8 @@ import numpy as np
 from lidarcheck.calibration.number.number import Number, Residual
 from lidarcheck.formats.lut import load_lut
 from lidarcheck.reading import reading
-from lidarcheck.session.worker import Outcome, Worker
+from lidarcheck.session.ticket import Outcome
+from lidarcheck.session.worker import Worker
 
 ROW = 3
 

@@ -20,7 +20,7 @@ from lidarcheck.session.edited_settings import EditedSettings
 from lidarcheck.session.node import Node
 from lidarcheck.session.session import CURRENT, Session
 from lidarcheck.session.store import Store
-from lidarcheck.session.worker import Outcome, Ticket
+from lidarcheck.session.ticket import Outcome, Ticket
 from tui_kit import LUT
 
 MODEL = 'variant = "SLIM"\n[[effects]]\nname = "blooming_vertical"\nlut = "{}.ini"\n'

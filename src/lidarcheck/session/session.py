@@ -19,7 +19,8 @@ from lidarcheck.session.inputs import Inputs
 from lidarcheck.session.node import NONE, Cancelled, Derived, Node, Part, ProgressCallback, words_of
 from lidarcheck.session.open_files import OpenFiles
 from lidarcheck.session.store import Store
-from lidarcheck.session.worker import Outcome, Ticket, Worker
+from lidarcheck.session.ticket import Outcome, Ticket
+from lidarcheck.session.worker import Worker
 from lidarcheck.workers.identity import source_of_results
 
 __all__ = ["CURRENT", "FAILED", "FIRST_S", "NONE", "OLD", "RENEWED_S", "SAVED", "Session"]

@@ -10,19 +10,18 @@ import contextlib
 import logging
 import multiprocessing
 import os
-import signal
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from lidarcheck.permissions import given
 from lidarcheck.session.node import Entry, ProgressCallback
+from lidarcheck.session.ticket import Outcome, Ticket, guarded, how_it_ended
 from lidarcheck.session.worker_process import COMPILES, WARM, serve
 
-__all__ = ["Outcome", "Ticket", "Worker"]
+__all__ = ["Worker"]
 
 _log = logging.getLogger(__name__)
 _STARTS_S = 60.0
@@ -31,34 +30,6 @@ _PATIENCE_S = 120.0
 """Without a word for so long it hangs; compiling kernels does not count."""
 _GIVES_UP_S = 10.0
 """What was cancelled ends between two seeds; one that does not, while others wait, hangs."""
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What became of a request: its value, or in `failed` why there is none.
-
-    `seconds`: how long it took; `files`: what it opened, by real path, with size and time then; `taken`: which of the
-    edited files it read as they are shown.
-    """
-
-    value: Any = None
-    failed: str = ""
-    seconds: float = 0.0
-    files: Mapping[str, tuple[int, int] | None] = field(default_factory=dict)
-    taken: frozenset[str] = frozenset()
-
-
-class Ticket:
-    """A request. `live`: its answer is still waited for; once it is not, nothing more is heard of it."""
-
-    def __init__(self, number: int, lane: str, order: tuple[int, int], work: tuple[Any, ...]) -> None:
-        self.number, self.lane, self.order, self.work = number, lane, order, work
-        self.live = True
-        self.deaths = 0
-        self.on_progress: ProgressCallback | None = None
-        self.on_done: Callable[[Outcome], object] | None = None
-        self.on_gone: Callable[[], object] | None = None
-        self.told = threading.RLock()  # whoever gives a request up knows that no callback of it runs any more
 
 
 class Worker:
@@ -144,7 +115,7 @@ class Worker:
 
     def cancel(self, ticket: Ticket) -> None:
         """Nothing more is heard of a request; where it runs, it ends between two seeds."""
-        with ticket.told, _guarded():
+        with ticket.told, guarded():
             was, ticket.live = ticket.live, False
             if was and ticket.on_gone is not None:
                 ticket.on_gone()
@@ -193,7 +164,7 @@ class Worker:
                 if self._connection in ready:
                     self._listen()
                 elif self._process is not None and self._process.sentinel in ready:
-                    self._lost(_how_it_ended(self._process))
+                    self._lost(how_it_ended(self._process))
                 elif not ready:
                     self._look_at_clock()
         finally:
@@ -238,7 +209,7 @@ class Worker:
         try:
             word, *said = self._connection.recv()
         except (EOFError, OSError):
-            self._lost(_how_it_ended(self._process))
+            self._lost(how_it_ended(self._process))
             return
         self._heard_s = time.monotonic()
         running = self._running
@@ -258,12 +229,12 @@ class Worker:
                 self._answer(running, Outcome(*said[1:]))
 
     def _tell(self, ticket: Ticket, done: int, of: int, now: str) -> None:
-        with ticket.told, _guarded():
+        with ticket.told, guarded():
             if ticket.live and ticket.on_progress is not None:
                 ticket.on_progress(done, of, now)
 
     def _answer(self, ticket: Ticket, outcome: Outcome) -> None:
-        with ticket.told, _guarded():
+        with ticket.told, guarded():
             if ticket.live:
                 ticket.live = False
                 if ticket.on_done is not None:
@@ -332,26 +303,3 @@ class Worker:
         limit = self._limit_s()
         if limit is not None and time.monotonic() - self._heard_s >= limit:
             self._lost(f"gave no answer for {limit:g} s")
-
-
-@contextlib.contextmanager
-def _guarded() -> Any:
-    """A fault in what is told must not take the worker with it."""
-    try:
-        yield
-    except Exception as error:  # noqa: BLE001 - see above
-        _log.error("internal error in taking an answer, %s: %s", type(error).__name__, error)
-
-
-def _how_it_ended(process: multiprocessing.process.BaseProcess | None) -> str:
-    """In words that follow "the worker process"."""
-    if process is None:
-        return "ended"
-    process.join(5.0)
-    code = process.exitcode
-    if code is None or code >= 0:
-        return f"ended with code {code}"
-    with contextlib.suppress(ValueError):
-        name = signal.Signals(-code).name
-        return f"was killed ({name}; was memory short?)" if name == "SIGKILL" else f"was ended by {name}"
-    return f"was ended by signal {-code}"

@@ -5,12 +5,13 @@ from __future__ import annotations
 from lidarcheck.explain.report.text import gap_bar, report_sections
 from lidarcheck.formats.table import clock_text
 from lidarcheck.inference.intervals import Gap
+from lidarcheck.tui.context import value_text
 from lidarcheck.tui.jobs.explain_cases import CaseState
 from lidarcheck.tui.jobs.explain_process import ExplainProgress
 from lidarcheck.tui.widgets.lines import Line, line
 from lidarcheck.tui.widgets.themes import Role
 
-__all__ = ["answer_parts", "far_in_words", "found_lines", "step_lines"]
+__all__ = ["answer_parts", "far_in_words", "found_lines", "gap_words", "step_lines"]
 
 _BAR = 20
 
@@ -95,3 +96,9 @@ def _feature_bars(gap: Gap, width: int) -> list[Line]:
 
 def _shown(text: str) -> Line:
     return line(f" {text}", "good" if text.startswith("+ ") else "bad" if text.startswith("- ") else "text")
+
+
+def gap_words(gap: Gap) -> str:
+    """Before and after, what no model goes below, and what share of the gap is closed."""
+    values = f"gap {value_text(gap.before.value)} -> {value_text(gap.after.value)} sd"
+    return f"{values}  floor {value_text(gap.floor.value)}  closed {100 * gap.closed:.0f} %"

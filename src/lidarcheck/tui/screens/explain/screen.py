@@ -11,19 +11,16 @@ from typing import Any, ClassVar
 from textual import events
 from textual.app import ComposeResult
 
-from lidarcheck.effects.finding import find
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.formats.table import counted
-from lidarcheck.inference.intervals import Gap
-from lidarcheck.tui.context import groups_line, value_text
+from lidarcheck.tui.context import groups_line
 from lidarcheck.tui.host import STOPS
 from lidarcheck.tui.jobs.explain_cases import CaseState, case_files, look_at, make_results_directory
 from lidarcheck.tui.jobs.explain_process import PROGRAM, ExplainProcess, command_of
 from lidarcheck.tui.screens.explain.accept import Adopting
-from lidarcheck.tui.screens.explain.lines import answer_parts, far_in_words, found_lines, step_lines
+from lidarcheck.tui.screens.explain.lines import answer_parts, far_in_words, found_lines, gap_words, step_lines
+from lidarcheck.tui.screens.explain.options import Options
 from lidarcheck.tui.screens.shared.background import read_beside
 from lidarcheck.tui.screens.shared.view import MOVES, bindings
-from lidarcheck.tui.widgets.dialogs import AskText
 from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, hanging, is_old, line
 
 __all__ = ["Explain"]
@@ -36,7 +33,7 @@ _EMPTY = (
 )
 
 
-class Explain(Adopting):
+class Explain(Adopting, Options):
     """Cases, the steps of a run, and the answer."""
 
     NAME = "explain"
@@ -151,7 +148,7 @@ class Explain(Adopting):
         case = self.chosen
         if case is None:
             return None
-        gap = "" if case.found is None else _gap_words(case.found.gap)
+        gap = "" if case.found is None else gap_words(case.found.gap)
         model = "" if case.model is None else case.model.name
         return groups_line([(f"case {case.name}", "title"), (gap, "focus"), (model, "text")], width)
 
@@ -170,7 +167,7 @@ class Explain(Adopting):
         self._draw_answer(self.chosen)
 
     def _how(self) -> str:
-        seed, exclude = self._option("seed") or "0", self._option("exclude")
+        seed, exclude = self.option("seed") or "0", self.option("exclude")
         return f"seed {seed}{f', never {exclude}' if exclude else ''}"
 
     def _line(self, number: int, case: CaseState) -> Line:
@@ -229,9 +226,6 @@ class Explain(Adopting):
 
     # Running
 
-    def _option(self, name: str) -> str:
-        return self.host.state.selected.get(f"explain {name}", "")
-
     def action_explain(self) -> None:
         """Explain the case under the cursor."""
         case = self.chosen
@@ -249,7 +243,7 @@ class Explain(Adopting):
         soon = host.soon
         try:
             out = make_results_directory(host.project.root, case.path)
-            how = {name: self._option(name) for name in ("seed", "exclude")}
+            how = {name: self.option(name) for name in ("seed", "exclude")}
             self.run = ExplainProcess(
                 command_of(case.path, out, **how, program=self.program),
                 on_progress=lambda: soon(self._progressed),
@@ -311,49 +305,6 @@ class Explain(Adopting):
         if self.run is not None:
             self.run.stop()
 
-    # Options
-
-    def action_seed(self) -> None:
-        """The seed."""
-        ask = AskText("The seed of the next run: 0 to 2^64 - 1", self._option("seed"))
-        self.host.ask(ask, self._seed)
-
-    def _seed(self, text: str | None) -> None:
-        if text is None:
-            return
-        if not (text.isascii() and text.isdecimal() and int(text) < 2**64):
-            self.say(f"{text} is no seed; use a whole number from 0 to 2^64 - 1", bad=True)
-            return
-        self.host.state.selected["explain seed"] = text
-        self.say(f"the next run has the seed {text}")
-        self.draw()
-
-    def action_exclude(self) -> None:
-        """Effects that are not to be named."""
-        words = [line(" Their names, with commas between them; a hyphen alone: none.")]
-        ask = AskText("Effects that the next run is not to name", self._option("exclude"), words)
-        self.host.ask(ask, self._exclude)
-
-    def _exclude(self, text: str | None) -> None:
-        names = [name.strip() for name in (text or "").split(",") if name.strip() not in ("", "-")]
-        if text is None:
-            return
-        try:
-            for name in names:
-                find(name)
-        except LidarcheckError as error:
-            self.say(error)
-            return
-        self.host.state.selected["explain exclude"] = ",".join(dict.fromkeys(names))
-        self.say(f"the next run does not name {counted(len(names), 'effect')}" if names else "all effects may be named")
-        self.draw()
-
     def on_resize(self, _event: events.Resize) -> None:
         """The answer is laid out anew."""
         self.draw()
-
-
-def _gap_words(gap: Gap) -> str:
-    """Before and after, what no model goes below, and what share of the gap is closed."""
-    values = f"gap {value_text(gap.before.value)} -> {value_text(gap.after.value)} sd"
-    return f"{values}  floor {value_text(gap.floor.value)}  closed {100 * gap.closed:.0f} %"
