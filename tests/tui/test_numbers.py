@@ -1,10 +1,12 @@
 """The number follows each edit by itself, says what it is of, and is never called current when it is not."""
 
+import json
 import re
 
 import pytest
 
 from fake_worker import ROW, FakeWorker, second_line
+from lidarcheck.cli import main
 from lidarcheck.session.worker_process import COMPILES
 from lidarcheck.tui.app import LidarcheckApp
 from states_kit import IDEAL, SCAN
@@ -44,7 +46,7 @@ def line_of(app):
     return second_line(text_of(app))
 
 
-def test_a_number_follows_an_edit_and_its_undo(project):
+def test_a_number_follows_an_edit_and_its_undo(project, capsys):
     async def do(app, pilot, view, worker):
         number, line = line_of(app)
         assert line.startswith("a_lut.ini SLIM | sign 69 m 1/2 | misfit ")
@@ -77,6 +79,16 @@ def test_a_number_follows_an_edit_and_its_undo(project):
         assert len(worker.asked) == asked
 
     run(project, do)
+    # What was found stays, for the command too.
+    assert main(["gap", str(project), "--history", "--json", "-"]) == 0
+    start, edit = json.loads(capsys.readouterr().out)["edits"]
+    assert (start["what"], edit["file"], edit["undone"]) == ("as read", "a_lut.ini", True)
+    words = {one["measurement"]: one["word"] for one in edit["numbers"]}
+    assert words == {"measured/sign_69m.txt": "better", "measured/sign_157m.txt": "worse"}
+    assert main(["gap", str(project), "--history"]) == 0
+    assert re.search(r"1 +a_lut.ini +vertical X -50: set 600, taken back .*better", capsys.readouterr().out)
+    assert main(["gap", str(project), "--history", "--whole"]) == 2
+    assert main(["gap", str(project / "models"), "--history"]) == 2
 
 
 def test_a_newer_edit_takes_the_place_of_an_older_one(project):

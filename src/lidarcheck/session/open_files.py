@@ -68,8 +68,8 @@ S = TypeVar("S", bound=EditedFile[Any])
 
 class OpenFiles:
     """`on_change`: is called, in any thread, when a file's content may be another. `edits`: how often one was: edits,
-    undo, redo, saving and reading again included. `shows_baseline`: the baseline stands in the place of what is set now
-    in all that is shown, until a file is edited.
+    undo, redo, saving and reading again included. `began`: when, in seconds since the epoch. `shows_baseline`: the
+    baseline stands in the place of what is set now in all that is shown, until a file is edited.
     """
 
     def __init__(self) -> None:
@@ -78,7 +78,7 @@ class OpenFiles:
         self.edits = 0
         self._open: dict[str, EditedFile[Any]] = {}
         self._count = 0
-        self._begun = time.time()
+        self.began = time.time()
         self._first: dict[str, _Shown] = {}
         self._pinned: tuple[Mapping[str, _Shown], int] | None = None
         self.shows_baseline = False
@@ -210,7 +210,11 @@ class OpenFiles:
             return None
         file.undo() if verb == "undo" else file.redo()
         self._name(place, file)
+        self.moved(place.number, undone=verb == "undo")
         return self.step(place.number)
+
+    def moved(self, edit: int, *, undone: bool) -> None:
+        """An edit was taken back, or made again."""
 
     def _edited(self, real: str, file: EditedFile[Any], edit: Edit, about: str) -> None:
         """An edit was made: it goes on with the step before, or begins one."""
@@ -257,7 +261,7 @@ class OpenFiles:
         """An edit by its number; the files as they were read for 0."""
         numbers = dict(self._numbers.get(number, {}))
         if number not in self._words:
-            return Step(0, None, "as read", when=self._begun, numbers=numbers)
+            return Step(0, None, "as read", when=self.began, numbers=numbers)
         path, what, about, when = self._words[number]
         return Step(number, path, what, about, when, self._burst_of.get(number, number), numbers=numbers)
 

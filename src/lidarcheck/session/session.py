@@ -10,12 +10,14 @@ import threading
 import time
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from lidarcheck.errors import InputError, LidarcheckError
 from lidarcheck.formats.table import counted
 from lidarcheck.reading import reading
 from lidarcheck.session.describe import described
 from lidarcheck.session.inputs import Inputs
+from lidarcheck.session.kept_history import KeptHistory
 from lidarcheck.session.node import NONE, Cancelled, Derived, Node, Part, ProgressCallback, words_of
 from lidarcheck.session.open_files import OpenFiles
 from lidarcheck.session.store import Store
@@ -43,8 +45,11 @@ class Session(OpenFiles):
     `on_change`: is called, in any thread, when inputs or results may be others.
     """
 
-    def __init__(self, store: Store | None = None, worker: Worker | None = None) -> None:
+    def __init__(
+        self, store: Store | None = None, worker: Worker | None = None, kept: KeptHistory | None = None
+    ) -> None:
         super().__init__()
+        self._kept = kept
         self.store = store or Store()
         self.worker = worker or Worker()
         self._last: dict[Hashable, str] = {}
@@ -53,6 +58,21 @@ class Session(OpenFiles):
         self._tickets: dict[str, Ticket] = {}
         self._kinds: set[str] = set()
         self._ended = threading.Event()
+
+    # Numbers
+
+    def note(self, measurement: str, number: Any, edit: int | None = None, *, step: Any = None) -> None:
+        """Keep what was found of a measurement with an edit, that in force if none is named, for the next start too.
+        `step`: whether it is better than what was before, where that is known.
+        """
+        super().note(measurement, number, edit)
+        if self._kept is not None:
+            self._kept.number(self.began, self.step(self.edit if edit is None else edit), measurement, number, step)
+
+    def moved(self, edit: int, *, undone: bool) -> None:
+        """An edit was taken back or made again: what was found with it says so."""
+        if self._kept is not None and self.step(edit).numbers:
+            self._kept.moved(self.began, edit, undone=undone)
 
     # Results
 

@@ -24,6 +24,7 @@ from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
 from lidarcheck.session.choice import Choice, Part
 from lidarcheck.session.disk_store import DiskStore
+from lidarcheck.session.kept_history import KeptHistory
 from lidarcheck.session.model_choice import features_of_models, other_sensors
 from lidarcheck.session.project import Project, read_project
 from lidarcheck.session.session import Session
@@ -96,7 +97,7 @@ class LidarcheckApp(Everywhere):
         super().__init__(driver_class=driver, ansi_color=True if "NO_COLOR" in os.environ else None)
         self.project = Project(root)
         self.reads = 0
-        self.session = Session(Store(disk=DiskStore(root)), worker)
+        self.session = Session(Store(disk=DiskStore(root)), worker, KeptHistory(root))
         self._told = False
         self._columns = 0
         self.state = load_state(root)

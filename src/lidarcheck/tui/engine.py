@@ -322,7 +322,8 @@ class Engine:
             self._failed.add(key)
         elif how == "sample" and derived.value is not None:
             self._seconds.setdefault(asked.identity, []).append(derived.seconds)
-            self.session.note(_noted(asked), derived.value, derived.edit)
+            step = self.known(asked).step if derived.edit == self.session.edit else None
+            self.session.note(_noted(asked), derived.value, derived.edit, step=step)
         self.on_change()
         if how != "expected":
             self.on_number(asked)

@@ -21,7 +21,17 @@ from lidarcheck.cli.calibration.bloom_inputs import (
     reach_of,
     table_of,
 )
-from lidarcheck.cli.core.options import Files, Flag, JsonFile, MaxRows, Permitted, Placed, Quiet, Several, Whole
+from lidarcheck.cli.core.options import (
+    Files,
+    Flag,
+    JsonFile,
+    MaxRows,
+    Permitted,
+    Placed,
+    Quiet,
+    Several,
+    Target,
+)
 from lidarcheck.cli.core.outputs import alone, as_it_was, check_twice, check_writable, write_result
 from lidarcheck.cli.core.terminal import Column, emit, hush, note, stage, table
 from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
@@ -58,9 +68,6 @@ Ideals = Annotated[
 ]
 SettingsPath = Annotated[
     Path | None, Parameter(help="Settings of the distances: a JSON file, or the directory that holds them.")
-]
-Target = Annotated[
-    int | None, Whole, Parameter(help="The target's material in the model, where there are several retro-reflectors.")
 ]
 Signal = Annotated[
     float | None, Parameter(help="The target's light instead: S of a beam at 1 m, avalanches per SPAD and shot.")

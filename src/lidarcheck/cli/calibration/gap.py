@@ -11,10 +11,21 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Flag, JsonFile, MaxRows, Permitted, Placed, Quiet, Seed, placement_of
+from lidarcheck.cli.core.options import (
+    Flag,
+    JsonFile,
+    Many,
+    MaxRows,
+    Permitted,
+    Placed,
+    Quiet,
+    Seed,
+    Target,
+    placement_of,
+)
 from lidarcheck.cli.core.outputs import check_writable, write_result
 from lidarcheck.cli.core.terminal import Column, emit, hush, note, progress, table
-from lidarcheck.errors import InputError, LidarcheckError
+from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.formats.limits import limit_rows
 
 if TYPE_CHECKING:
@@ -29,7 +40,6 @@ _KINDS: tuple[Kind, ...] = ("misfit", "gap")
 _NEAR_M = 3.0
 """How far a measurement's distance may be from the one that is named."""
 _MOST_SEED = 2**31
-Many = Parameter(consume_multiple=True, negative=(), show_default=False)
 
 
 def gap(
@@ -48,9 +58,12 @@ def gap(
     ideal: Annotated[
         tuple[Path, ...], Many, Parameter(help="The ideal scan of each scan that is named, or one for all.")
     ] = (),
-    target: Annotated[int | None, Parameter(help="The target's material, where only one is looked at.")] = None,
+    target: Target = None,
     whole: Annotated[
         bool, Flag, Parameter(help="Whole frames and 64 seeds, for a report, in the place of a sample.")
+    ] = False,
+    history: Annotated[
+        bool, Flag, Parameter(help="The edits that were made in the terminal interface, with the numbers found then.")
     ] = False,
     seed: Seed = 0,
     placed: Placed | None = None,
@@ -64,6 +77,8 @@ def gap(
     limit_rows(max_rows)
     if json is not None:
         check_writable(json, option="--json", besides=[*places, *ideal, *(p for p in (model, lut, before) if p)])
+    if history:
+        return _history(places, json, computes=bool(model or lut or before or at or ideal or target or whole))
     placement = placement_of(placed)
     given = [(one, found) for one, found in _measurements(places, ideal) if _is_at(one, at)]
     if not given:
@@ -84,6 +99,14 @@ def gap(
     if str(json) != "-":
         _show(answers, steps=before is not None)
     return 0
+
+
+def _history(places: Sequence[Path], json: JsonFile | None, *, computes: bool) -> int:
+    from lidarcheck.cli.calibration.gap_history import show_history
+
+    if computes:
+        raise UsageError("--history prints what was found and computes nothing", fix="leave the other options out")
+    return show_history(places, json)
 
 
 def _measurements(places: Sequence[Path], ideal: tuple[Path, ...]) -> list[tuple[Measurement, Project | None]]:

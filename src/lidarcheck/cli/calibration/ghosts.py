@@ -14,6 +14,7 @@ from lidarcheck.cli.core.options import (
     MANY,
     Flag,
     JsonFile,
+    Many,
     MaxRows,
     Permitted,
     Placed,
@@ -42,7 +43,6 @@ __all__ = ["find", "fit"]
 
 MODEL = "model.toml"
 Scans = Annotated[tuple[Path, ...], Parameter(help=f"Measured scans, a file a dataset{MANY}.")]
-Many = Parameter(consume_multiple=True, negative=(), show_default=False)
 
 
 def find(

@@ -82,11 +82,13 @@ CALIBRATION_COMMANDS: tuple[Command, ...] = (
         "named one by one, with --ideal. Prints for each measurement the misfit of the bloom beside bright targets, "
         "which tells of blooming tables, and the gap, which tells of all else, in standard deviations of one beam, "
         "with its 90 % interval and what a model that is right would leave. With --before, a model or a table as it "
-        "was, says of each number whether it is better, worse or the same.",
+        "was, says of each number whether it is better, worse or the same. With --history prints what was found with "
+        "each edit in the terminal interface.",
         (
             "lidarcheck gap project --at 69 --json -",
             "lidarcheck gap project --lut edited.ini --before vertical.ini",
             "lidarcheck gap real.pcd --ideal ideal.txt --model M.toml --whole",
+            "lidarcheck gap project --history",
         ),
     ),
     Command(

@@ -88,12 +88,17 @@ Flag = Parameter(negative=(), show_default=False)
 """An option that is given or not, without a --no- of its own."""
 Several = Parameter(consume_multiple=True, negative=())
 """An option with any number of values behind it."""
+Many = Parameter(consume_multiple=True, negative=(), show_default=False)
+"""The same, of which help shows no default."""
 TimeUnit = Annotated[
     Literal["s", "ms", "us", "ns"], Parameter(help="The unit of the scan's time column, where it does not tell.")
 ]
 Files = Annotated[list[Path], Several]
 Whole = Parameter(converter=_whole_number)
 """A whole number: the parser alone would round 1.5 to 2 and say nothing."""
+Target = Annotated[
+    int | None, Whole, Parameter(help="The target's material in the model, where there are several retro-reflectors.")
+]
 Seed = Annotated[
     int, Parameter(converter=_seed, help="Seed of the random numbers, 0 to 2^64 - 1: the same seed, the same bytes.")
 ]
