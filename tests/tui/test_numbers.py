@@ -5,8 +5,10 @@ import re
 
 import pytest
 
+from blooming_kit import sign_model
 from fake_worker import ROW, FakeWorker, second_line
 from lidarcheck.cli import main
+from lidarcheck.model.files.model_file import save_model
 from lidarcheck.session.worker_process import COMPILES
 from lidarcheck.tui.app import LidarcheckApp
 from states_kit import IDEAL, SCAN
@@ -165,7 +167,12 @@ def test_what_is_dear_or_fails_says_so_and_r_renews_it(project):
 
 
 def test_a_distance_chosen_on_one_screen_is_chosen_on_all(project):
+    save_model(sign_model("SLIM"), project / "measured/near.toml")
+
     async def do(app, pilot, view, worker):
+        # Blooming looks at it with the model that the number is computed with.
+        assert view.selection.model == app.numbers.asked(app.numbers.seen).request.model
+        assert view.selection.model.name == "near.toml"
         await pilot.press("n")
         await sees(app, pilot, "157 m 2/2")
         assert app.choice.of("measurement") == "measured/sign_157m.txt"

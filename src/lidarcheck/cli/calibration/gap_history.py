@@ -11,11 +11,15 @@ from typing import TYPE_CHECKING, Any
 from lidarcheck.cli.core.outputs import write_result
 from lidarcheck.cli.core.terminal import Column, emit, table
 from lidarcheck.errors import InputError
+from lidarcheck.figures.words import squeezed
 
 if TYPE_CHECKING:
     from lidarcheck.session.kept_history import NotedEdit
 
 __all__ = ["show_history"]
+
+_WIDEST = 48
+"""Columns of what an edit did; JSON has all of it."""
 
 
 def show_history(places: Sequence[Path], json: str | None) -> int:
@@ -47,7 +51,8 @@ def _document(one: NotedEdit) -> dict[str, Any]:
 
 def _rows(one: NotedEdit) -> list[list[str]]:
     when = time.strftime("%Y-%m-%d %H:%M", time.localtime(one.when or one.began))
-    about = [when, str(one.edit), one.file, f"{one.what}{', taken back' if one.undone else ''}"]
+    what = f"{squeezed(one.what, _WIDEST, '..')}{', taken back' if one.undone else ''}"
+    about = [when, str(one.edit), one.file, what]
     rows: list[list[str]] = []
     for (name, kind), number in one.numbers.items():
         step = number.get("difference")

@@ -179,6 +179,8 @@ def _label_line(chart: Chart, look: Look, axes: tuple[Axis, Axis], strip: Strip 
     while len(entries) > 1 and len(", ".join(entries)) > width - 1:
         entries.pop()
     words = ", ".join(entries) or (strip.words if strip else "")
+    while len(words) > width - 1 and ", " in words:  # whole figures, as many as there is room for
+        words = words.rpartition(", ")[0]
     room = width - len(words) - 3
     if not words and more:
         room = width - sum(len(text) for text, _ in more) - 2

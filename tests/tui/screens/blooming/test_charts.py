@@ -35,7 +35,7 @@ def test_the_strip_is_in_standard_deviations_and_says_of_what_it_is(state, exact
     found = strip(Known(state, now, None, before))
     assert found.words == f"real - now [sd], rms 1.84, was 2.31{ends}"
     assert found.far.tolist() == [True, False, False]
-    assert (found.scale, found.reach) == ("lin", 10.0)
+    assert (found.scale, found.reach) == ("lin", 5.0)
 
 
 def test_without_a_number_it_compares_the_curves():

@@ -31,7 +31,7 @@ _FORMS: Mapping[str, tuple[PlotRole, Form]] = {
     SAVED: ("saved", "dots"), WANTED: ("wanted", "dashes"),
 }  # fmt: skip
 _REACHES = (1.05, 1.1, 1.2, 1.5, 2.0, 5.0, 10.0, 100.0)
-_REACHES_SD = (3.0, 10.0, 30.0, 100.0)
+_REACHES_SD = (3.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 _CHANCE = 2.0
 """What is further off than so many standard deviations of a cell's mean is marked with `!`."""
 _FAR = 0.5
