@@ -33,6 +33,13 @@ def test_every_link_leads_somewhere(page):
         assert not anchor or anchor in anchors_of(place), f"{target} has no heading {anchor}"
 
 
+def test_tests_that_notes_name_are_there():
+    for page in (ROOT / "docs/research").glob("*.md"):
+        for file, name in re.findall(r"`([\w/]+\.py)::(\w+)`", page.read_text(encoding="utf-8")):
+            text = (ROOT / "tests" / file.removeprefix("tests/")).read_text(encoding="utf-8")
+            assert f"def {name}(" in text, f"{page.name}: {file} has no {name}"
+
+
 def test_every_picture_is_shown_and_is_small():
     text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
     for picture in (ROOT / "docs/images").iterdir():

@@ -8,6 +8,7 @@ import sys
 
 import pytest
 
+from lidarcheck.tui.widgets.themes import THEMES
 from screen_kit import Screen
 from tui_kit import make_project
 from tui_measure import Terminal
@@ -64,6 +65,7 @@ def test_a_box_leaves_what_is_around_it_and_costs_little(start):
     settled(terminal)
     assert "\x1b[?1002h" in terminal.sent_text
     assert "\x1b[?1003h" not in terminal.sent_text
+    assert "38;5;214" in terminal.sent_text, "now, of 256 colours"
     for name, key in BOXES.items():
         before = words(terminal.screen)
         cost = terminal.cost(key, 0.7)
@@ -89,10 +91,13 @@ def test_a_box_leaves_what_is_around_it_and_costs_little(start):
     assert words(terminal.screen) == before
 
 
-@pytest.mark.parametrize("theme", ["dark", "plain"])
-def test_without_colour_there_is_none(start, theme):
-    terminal = start("--screen", "blooming", "--theme", theme, NO_COLOR="1")
+def test_without_colour_there_is_none_in_any_theme(start):
+    terminal = start("--screen", "blooming", NO_COLOR="1")
     settled(terminal)
+    for theme in [*THEMES[1:], THEMES[0]]:
+        terminal.press(b"T")
+        waited = terminal.until(lambda screen, wanted=f"theme: {theme}": wanted in words(screen)[-2], 10.0)
+        assert waited == waited, theme
     terminal.cost(b"o", 0.7)
     assert not COLOUR.findall(terminal.sent_text)
     assert "a_lut.ini" in "".join(words(terminal.screen))
