@@ -10,12 +10,14 @@ import tempfile
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, cast
 
 from textual.pilot import Pilot
 from tui_project import SCENARIOS, make_bench, make_drive
 
+from lidarcheck.session.worker import Worker
 from lidarcheck.tui.actions import SCREENS
 from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.screens.blooming.screen import Blooming
@@ -27,8 +29,9 @@ from lidarcheck.tui.screens.pages.screen import PageView
 
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "images"
-SIZE = (160, 42)
+SIZE, WIDE = (80, 24), (120, 36)
 PATIENCE_S = 600.0
+NOON = time.mktime((2030, 1, 2, 12, 0, 0, 0, 0, -1))
 Prepare = Callable[[LidarcheckApp, Pilot[int]], Awaitable[None]]
 
 
@@ -52,37 +55,59 @@ def text_of(app: LidarcheckApp) -> str:
 
 async def settled(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     """Wait until nothing has changed for two seconds, and nothing says that it is at work."""
-    before, since = "", time.monotonic()
+    before, since, end = "", time.monotonic(), time.monotonic() + PATIENCE_S
     while time.monotonic() - since < 2.0:
+        if time.monotonic() > end:
+            sys.exit(f"a screen is still at work after ten minutes:\n{text_of(app)}")
         now = text_of(app)
-        if now != before or "..." in now.splitlines()[-2]:
+        at_work = re.search(r"\bcomputing\b|not yet known", now) or "..." in now.splitlines()[-2]
+        if now != before or at_work or app.numbers.engine.busy:
             before, since = now, time.monotonic()
         await pilot.pause(0.1)
 
 
+async def edited(app: LidarcheckApp, pilot: Pilot[int]) -> None:
+    """Two edits of the table, the second one of rows that were marked."""
+    await pilot.press("f5")
+    await until(pilot, lambda: app.view.NAME == "blooming" and cast(Blooming, app.view).file is not None)
+    await settled(app, pilot)
+    await pilot.press(*("down",) * 14, *("left_square_bracket",) * 2)
+    await settled(app, pilot)
+    await pilot.press("down", "shift+down", *("left_square_bracket",) * 2)
+    await settled(app, pilot)
+
+
 async def overview(app: LidarcheckApp, pilot: Pilot[int]) -> None:
-    """All scenarios are run; the hour and how long each took are not those of the day that the picture was made."""
+    """Two edits, and all scenarios are run; hours and how long each took are not those of the day of the picture."""
+    await edited(app, pilot)
+    await pilot.press("f2")
+    await until(pilot, lambda: app.view.NAME == "overview")
+    await run_scenarios(app, pilot)
+    app.numbers.began = NOON
+    app.view.draw()
+
+
+async def run_scenarios(app: LidarcheckApp, pilot: Pilot[int]) -> None:
+    """All of them, on Overview."""
     view = cast(Overview, app.view)
+    await pilot.press("g", "c")
+    await until(pilot, lambda: view.on_scenarios)
     await pilot.press("R")
     await until(pilot, lambda: len(view.runs.last) == len(SCENARIOS) and not view.running)
-    noon = time.mktime((2030, 1, 2, 12, 0, 0, 0, 0, -1))
     for name, outcome in view.runs.last.items():
-        view.runs.last[name] = replace(outcome, time=noon, seconds=1.0)
+        view.runs.last[name] = replace(outcome, time=NOON, seconds=1.0)
     await pilot.press("end", "home", *("down",) * (len(SCENARIOS) - 1))
     app.say(app.project.in_words())
 
 
 async def blooming(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     """Some rows are raised towards what was measured."""
-    plots = cast(Blooming, app.view).plots
-    await until(pilot, lambda: plots.expected is not None)
-    await pilot.press(*("down",) * 14, "shift+down", "shift+down", *("right_square_bracket",) * 2)
-    await until(pilot, lambda: plots.expected is not None)
+    await edited(app, pilot)
 
 
 async def blooming_four(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     """All four features, and the settings of distances."""
-    await blooming(app, pilot)
+    await edited(app, pilot)
     await pilot.press("b", "E")
 
 
@@ -104,7 +129,7 @@ async def histograms(app: LidarcheckApp, pilot: Pilot[int]) -> None:
 async def with_model(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     """The same with the project's own model, where the screen asks which of two is meant."""
     view = cast(PageView, app.view)
-    await app.do(next(action for action in app.able() if action.name == "next source"))
+    await app.do(next(action for action in app.able() if action.name == "next model"))
     await until(pilot, lambda: view.job is not None and "SLIM.toml" in view.job.words)
     await computed(app, pilot)
 
@@ -130,7 +155,7 @@ async def goldens(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     view = cast(Goldens, app.view)
     await pilot.press("f2")
     await until(pilot, lambda: app.view.NAME == "overview")
-    await overview(app, pilot)
+    await run_scenarios(app, pilot)
     await pilot.press("f9")
     await until(pilot, lambda: app.view is view and view.waiting)
     await pilot.press("r")
@@ -161,6 +186,7 @@ PREPARE: dict[str, Prepare] = {
     "histograms": histograms,
     "noise": noise,
     "blooming": blooming,
+    "blooming_wide": blooming,
     "blooming_four": blooming_four,
     "ghosts": with_model,
     "cloud": cloud,
@@ -168,6 +194,7 @@ PREPARE: dict[str, Prepare] = {
     "explain": explain,
     "goldens": goldens,
 }
+SIZES = {"blooming_wide": WIDE, "blooming_four": WIDE}
 BENCH = ("overview", "blooming", "goldens")
 """The screens that show the project of scenarios and a table; the others show that of measurements."""
 
@@ -186,8 +213,8 @@ def draw(project: Path, name: str, screen: str) -> None:
     """One screen as docs/images/tui_NAME.svg."""
 
     async def session() -> str:
-        app = LidarcheckApp(project, theme="dark", screen=screen)
-        async with app.run_test(size=SIZE) as pilot:
+        app = LidarcheckApp(project, theme="dark", screen=screen, worker=Worker())
+        async with app.run_test(size=SIZES.get(name, SIZE)) as pilot:
             await until(pilot, lambda: app.reads and screen == app.view.NAME)
             await settled(app, pilot)
             if name in PREPARE:
@@ -195,6 +222,7 @@ def draw(project: Path, name: str, screen: str) -> None:
                 await settled(app, pilot)
             return app.export_screenshot(title=f"lidarcheck tui: {project.name}")
 
+    resource_tracker.ensure_running()  # what starts processes needs a stderr, which Textual takes away
     IMAGES.mkdir(parents=True, exist_ok=True)
     (IMAGES / f"tui_{name}.svg").write_text(without_links(asyncio.run(session())), encoding="utf-8")
     # What a screen leaves behind, unsaved edits above all, is not for the next one.

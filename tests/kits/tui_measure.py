@@ -261,7 +261,9 @@ def busy(terminal, figures):
     """Keys while scenarios run."""
     terminal.press(KEYS["overview"])
     terminal.quiet(1.0)
-    terminal.press(b"a")
+    terminal.press(b"gc")
+    terminal.quiet(0.5)
+    terminal.press(b"R")
     terminal.read(1.0)
     figures["key answered while scenarios run [ms]"] = middle_and_most(terminal.echo(b"\t", 0.3) for _ in range(40))
     terminal.press(b"x")

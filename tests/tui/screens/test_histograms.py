@@ -132,7 +132,7 @@ def test_features_side_by_side_where_there_is_room(bench):
         await pilot.resize_terminal(80, 24)
         view.turned = 0
         view.draw()
-        await sees(app, pilot, "16 m, PEAK")
+        await sees(app, pilot, "1/16 10 m, PEAK")
         await misses(app, pilot, "10 m, AREA")
         await sees(app, pilot, "KS  by chance")
         numbers = view.query_one("#numbers").text.splitlines()

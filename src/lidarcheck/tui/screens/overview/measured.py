@@ -37,7 +37,7 @@ class Listed(NamedTuple):
 
 def screen_of(kind: str) -> str:
     """The screen that shows measurements of a kind best."""
-    return _OF_KIND.get(kind, "scenes")
+    return _OF_KIND.get(kind, "cloud")
 
 
 def measured_lines(numbers: Numbers, order: Sequence[Measurement], at: int, width: int) -> Listed:
