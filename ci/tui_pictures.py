@@ -105,10 +105,10 @@ async def blooming(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     await edited(app, pilot)
 
 
-async def blooming_four(app: LidarcheckApp, pilot: Pilot[int]) -> None:
-    """All four features, and the settings of distances."""
+async def blooming_settings(app: LidarcheckApp, pilot: Pilot[int]) -> None:
+    """The settings of distances."""
     await edited(app, pilot)
-    await pilot.press("b", "E")
+    await pilot.press("E")
 
 
 async def computed(app: LidarcheckApp, pilot: Pilot[int]) -> None:
@@ -187,14 +187,15 @@ PREPARE: dict[str, Prepare] = {
     "noise": noise,
     "blooming": blooming,
     "blooming_wide": blooming,
-    "blooming_four": blooming_four,
+    "blooming_settings": blooming_settings,
     "ghosts": with_model,
     "cloud": cloud,
     "cloud_maps": cloud_maps,
     "explain": explain,
     "goldens": goldens,
 }
-SIZES = {"blooming_wide": WIDE, "blooming_four": WIDE}
+SIZES = {"blooming_wide": WIDE}
+"""Of those that are larger than the others."""
 BENCH = ("overview", "blooming", "goldens")
 """The screens that show the project of scenarios and a table; the others show that of measurements."""
 

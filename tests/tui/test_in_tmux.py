@@ -82,12 +82,12 @@ def test_from_a_fresh_project_to_a_fitted_table_that_is_better_and_saved(tmux, t
     time.sleep(1.0)  # a question that comes by itself takes no key at first
     assert lut.read_text() == before
     tmux.keys("y")
-    wait(lambda: re.search(r"\*\d+ model \| .* edit -[\d.]+ better", tmux.text), lambda: tmux.text)
+    wait(lambda: re.search(r"^table.ini \*8 \| .* edit -[\d.]+ better", tmux.text, re.MULTILINE), lambda: tmux.text)
     assert lut.read_text() == before
     tmux.keys("S")
     tmux.sees("Save table.ini")
     tmux.keys("y")
-    wait(lambda: lut.read_text() != before and "table.ini model |" in tmux.text, lambda: tmux.text)
+    wait(lambda: lut.read_text() != before and "table.ini *" not in tmux.text, lambda: tmux.text)
     [fitted] = (folder.parent / ".lidarcheck/tui/runs").glob("*/out/table.ini")
     assert lut.read_text() == fitted.read_text()
     started = sample(number_kit.asked(folder))
