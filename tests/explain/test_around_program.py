@@ -7,8 +7,7 @@ import pytest
 from hidden.around.cases import write_case
 from hidden.foreign.orders import CaseOrder
 from lidarcheck.cases.case import load_case
-from lidarcheck.errors import InputError
-from lidarcheck.explain.workflow import check_floor, explain
+from lidarcheck.explain.workflow import explain
 from own_models_kit import COMPILED
 
 pytestmark = [
@@ -28,12 +27,3 @@ def test_what_hides_around_it_is_named(name, tmp_path):
     assert found.not_testable["crosstalk"] == inside
     assert found.not_testable.get("threshold") != inside, "a number of the program stands for it"
     assert found.not_testable["fog"] == "[external] names no scatter_material for what the air sends back"
-
-
-def test_a_program_that_ignores_its_seed_has_no_floor(tmp_path):
-    write_case(CaseOrder(1, "null", 1001, (), "medium", COMPILED, "street"), tmp_path / "case", frames=3)
-    model = tmp_path / "case" / "model.toml"
-    model.write_text(model.read_text().replace(', "Seed", "Frame"]', "]"))
-    with pytest.raises(InputError, match=r"model\.toml: the program ignores its seed") as caught:
-        check_floor(load_case(tmp_path / "case"))
-    assert "let it draw its noise from {seed}" in str(caught.value)

@@ -6,13 +6,12 @@ import contextlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lidarcheck.errors import InputError
+from lidarcheck.cases.chance import check_chance
 from lidarcheck.explain.decision.answer import explanation_of
 from lidarcheck.explain.progress import ignore_progress, ignore_step
 from lidarcheck.explain.report.explanation import Explanation, ProgressCallback, StepCallback
 from lidarcheck.explain.steps import Workflow
 from lidarcheck.inference.wasserstein import Scale
-from lidarcheck.model.external.reads import seedless
 from lidarcheck.workers import Processes, WorkerPool, one_blas_thread
 from lidarcheck.workers.cores import usable_cores
 from lidarcheck.workers.threads import in_threads
@@ -43,7 +42,7 @@ def explain(
     an interrupted run goes on. Without `calibrate` nothing but the effects that are named changes in the model; usual
     errors are forgiven all the same. `UsageError` where there are fewer than three frames.
     """
-    check_floor(case)
+    check_chance(case.model, case.frames, case.model_file)
     own = Processes(jobs, _wake)
     with one_blas_thread(), own if pool is None else contextlib.nullcontext(pool) as workers, _threads(workers):
         return _explain(
@@ -60,14 +59,6 @@ def explain(
                 case.origin,
             ),
         )
-
-
-def check_floor(case: Case) -> None:
-    """Refuse a case whose model has no chance of its own: somebody else's program that ignores its seed."""
-    if seedless(case.model):
-        what = "the program ignores its seed: nothing says what chance makes of its echoes, and how much of a gap it is"
-        fix = "let it draw its noise from {seed}, and name Seed in `reads` of [external] where it has that"
-        raise InputError(what, file=case.model_file, fix=fix)
 
 
 def _threads(pool: WorkerPool) -> contextlib.AbstractContextManager[None]:

@@ -21,6 +21,7 @@ from lidarcheck.calibration.number.prepared import OnFrames
 from lidarcheck.calibration.number.profiles import OnProfile
 from lidarcheck.calibration.number.request import SAMPLE_SEEDS, WHOLE_SEEDS, Request
 from lidarcheck.calibration.number.spread import Spread
+from lidarcheck.cases.chance import check_seeds
 from lidarcheck.inference.wasserstein import FIRST_GAP, FIRST_GAP_FLOOR, GAP_FLOORS, GAP_SEEDS
 from lidarcheck.model.spec import Model
 from lidarcheck.reading import read_so_far, reading
@@ -96,7 +97,7 @@ def _misfit(request: Request, progress: ProgressCallback) -> Number:
 
     def make() -> Number:
         lights = prepared.lights(model, seeds)
-        seen = _all(lights, len(seeds), prepared.seen, progress)
+        seen = _all(lights, model, len(seeds), prepared.seen, progress)
         words = _sample_words(len(prepared.beside), len(seeds))
         found = prepared.misfit.number(seen, simulated=lights.alike, sample=words)
         if not request.ideal and isinstance(prepared, OnFrames):
@@ -126,7 +127,7 @@ def _gap(request: Request, progress: ProgressCallback, *, all_columns: bool = Fa
 
     def make() -> Number:
         lights = spread.lights(model, [*seeds, *others])
-        seen = _all(lights, len(seeds) + len(others), spread.seen, progress)
+        seen = _all(lights, model, len(seeds) + len(others), spread.seen, progress)
         words = _sample_words(len(spread.scale.beams), len(seeds))
         return spread.number(seen[: len(seeds)], seen[len(seeds) :], simulated=lights.alike, sample=words)
 
@@ -138,13 +139,18 @@ def _sample_words(beams: int, seeds: int) -> str:
 
 
 def _all(
-    lights: Lights, seeds: int, see: Callable[[Sequence[Scan]], _Seen], progress: ProgressCallback
+    lights: Lights, model: Model, seeds: int, see: Callable[[Sequence[Scan]], _Seen], progress: ProgressCallback
 ) -> Sequence[_Seen]:
     """What all seeds show; between them whoever listens may stop it."""
-    found = []
+    found: list[_Seen] = []
+    first: Sequence[Scan] = ()
     for k in range(seeds):
         progress(k, seeds, "seeds")
-        found.append(see(lights.scans(k)))
+        scans = lights.scans(k)
+        first = first or scans
+        if k == 1:
+            check_seeds(model, zip(first, scans, strict=True), model.file)
+        found.append(see(scans))
     progress(seeds, seeds, "seeds")
     return found
 

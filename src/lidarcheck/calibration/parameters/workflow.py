@@ -26,6 +26,7 @@ from lidarcheck.calibration.parameters.parameters import (
 )
 from lidarcheck.calibration.parameters.problem import Problem
 from lidarcheck.calibration.parameters.validation import Distance, Validation
+from lidarcheck.cases.chance import check_chance
 from lidarcheck.errors import UsageError
 from lidarcheck.formats.table import counted
 from lidarcheck.model.spec import Model
@@ -138,6 +139,7 @@ def calibrate(
     `checkpoint`: rounds that are in it are not done again. `UsageError` and `InputError` for what cannot be fitted.
     """
     model, free, added = prepared(case, request)
+    check_chance(case.model, case.frames, case.model_file)
     own = Threads(jobs)
     with one_blas_thread(), own if pool is None else contextlib.nullcontext(pool) as workers:
         data = FitData.of(case.frames, model, seed, workers)
