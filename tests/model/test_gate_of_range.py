@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from lidarcheck.cases.same_scene import Surfaces, compare_scenes
+from lidarcheck.cli import main
 from lidarcheck.effects import make
 from lidarcheck.errors import UsageError
+from lidarcheck.formats import load_scan, save_ideal, save_scan
 from lidarcheck.kpi.pairing import pair_with_ideal
-from lidarcheck.model import simulate
+from lidarcheck.model import save_model, simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import Material, shipped
@@ -43,6 +45,35 @@ def test_an_echo_that_is_moved_behind_the_sensor_or_past_the_gate_is_none():
         assert len(scan) == 200
         assert np.all(np.abs(scan.range_m - kept_m) < 1.0)
         assert np.all(scan.echo_number == 1)
+
+
+@pytest.mark.parametrize("name", ["SLIM", "XT32"])
+def test_an_echo_that_a_walk_moves_to_no_range_is_none_and_the_file_can_be_written(name, tmp_path):
+    """X, Y, Z of 0 say in a file that a beam had no echo."""
+    sensor = shipped(name)
+    walk = make("walk_error", {"per_decade_m": 0.0, "shifts_m": (-9.0,)})
+    model = Model(sensor, WHITE, (walk,))
+    scan = simulate(two_surfaces(sensor, 5.0, 30.0), model, seed=1)
+    assert len(scan) == 200
+    assert np.all(np.abs(scan.range_m - 21.0) < 1.0)
+    assert np.all(scan.echo_number == 1)
+    save_scan(scan, tmp_path / "scan.csv", sensor)
+
+
+def test_avalanches_that_lie_before_the_shot_are_no_rows_of_a_file(tmp_path):
+    """A SPAD array hears them at 0, of its dark counts alone."""
+    sensor = shipped("SLIM")
+    layer, point = (column[:20_000] for column in sensor.beams.every())
+    nothing = np.zeros(len(layer))
+    ideal = IdealScan(layer, point, nothing, np.ones(len(layer), dtype=np.int32), nothing, beams=sensor.beams)
+    model = Model(sensor, WHITE, (make("dark_counts", {"rate_per_ns": 0.0005}),))
+    scan = simulate(ideal, model, seed=1)
+    assert np.any(scan.range_m == 0.0), "there are such"
+    save_ideal(ideal, tmp_path / "ideal.parquet")
+    save_model(model, tmp_path / "model.toml")
+    files = [str(tmp_path / name) for name in ("ideal.parquet", "model.toml", "scan.parquet")]
+    assert main(["simulate", files[0], "--model", files[1], "--out", files[2], "--seed", "1", "-q"]) == 0
+    assert len(load_scan(files[2])) == np.sum(scan.range_m > 0.0)
 
 
 def test_what_is_read_as_two_sensors_is_not_compared():

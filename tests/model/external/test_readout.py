@@ -8,6 +8,7 @@ import pytest
 
 from lidarcheck.effects import make
 from lidarcheck.effects.finding import catalogue
+from lidarcheck.effects.shared.ranges import at_range
 from lidarcheck.errors import UsageError
 from lidarcheck.model import load_model
 from lidarcheck.model.external.readout import on_lattice, read_out_program
@@ -48,6 +49,16 @@ def test_a_shift_by_part_of_a_step_is_dithered(tmp_path):
     assert np.allclose(np.unique(np.round(moved, 6)), [0.0, STEP_M])
     assert moved.mean() == pytest.approx(shift, abs=4.0 * STEP_M * np.sqrt(2.0 / 9.0 / len(before)))
     assert moved.var() == pytest.approx(2.0 / 9.0 * STEP_M**2, rel=0.05)
+
+
+def test_an_echo_that_is_moved_behind_the_sensor_is_none(tmp_path):
+    run, effects = run_with(tmp_path, make("walk_error", {"per_decade_m": 0.0, "shifts_m": (-9.0,)}))
+    far = echoes(run)
+    near = far.point < np.median(far.point)
+    before = at_range(far, np.where(near, 5.0, 20.0))
+    after = read_out_program(before, run, effects)
+    assert len(after) == np.sum(~near) > 0
+    assert np.allclose(after.range_m, 11.0)
 
 
 def test_ranges_on_no_lattice_are_not_rounded(tmp_path):

@@ -12,7 +12,17 @@ from lidarcheck.effects.base import choice_parameter
 from lidarcheck.scan import Haze, Light, Scan
 from lidarcheck.sensor import Sensor
 
-__all__ = ["StageByWhat", "at_range", "moved_light", "quantised", "renumbered", "reported", "what_moves", "within_gate"]
+__all__ = [
+    "StageByWhat",
+    "at_range",
+    "in_front",
+    "moved_light",
+    "quantised",
+    "renumbered",
+    "reported",
+    "what_moves",
+    "within_gate",
+]
 
 
 _SLACK_M = 1e-6
@@ -42,8 +52,8 @@ def quantised(range_m: npt.NDArray[np.float64], sensor: Sensor) -> npt.NDArray[n
 def reported(scan: Scan, sensor: Sensor) -> Scan:
     """The same echoes as the sensor reports them: at ranges with its constant error, rounded, within its gate.
 
-    A SPAD array reports what is timed before the shot at 0; of other detectors' echoes it is none, as what lies beyond
-    the gate's end.
+    What is timed before the shot, or rounded to 0, is none: no sensor reports it, and a range of 0 says in a file that
+    a beam had no echo.
     """
     before_m = scan.range_m + sensor.range_offset_m
     xyz = scan.beams.positions_m(scan.layer, scan.point, quantised(before_m, sensor))
@@ -52,17 +62,23 @@ def reported(scan: Scan, sensor: Sensor) -> Scan:
 
 
 def within_gate(scan: Scan, sensor: Sensor, behind: npt.NDArray[np.bool_] | None = None) -> Scan:
-    """The echoes that lie in the sensor's gate, numbered from 1.
+    """The echoes that lie in the sensor's gate, in front of it in any case, numbered from 1.
 
     `behind` (n,): those that are none, where the gate's end is looked at too; a SPAD array's trace ends there.
     """
     if sensor.min_range_m == 0.0 and behind is None:
-        return scan
+        return in_front(scan)
     range_m = scan.range_m
-    inside = range_m >= sensor.min_range_m - _SLACK_M
+    inside = (range_m > _SLACK_M) & (range_m >= sensor.min_range_m - _SLACK_M)
     if behind is not None:
         inside &= ~behind & (range_m <= sensor.max_range_m + _SLACK_M)
     return scan if inside.all() else renumbered(scan.take(np.flatnonzero(inside)))
+
+
+def in_front(scan: Scan) -> Scan:
+    """The echoes at ranges above 0, numbered from 1."""
+    seen = scan.range_m > _SLACK_M
+    return scan if seen.all() else renumbered(scan.take(np.flatnonzero(seen)))
 
 
 def renumbered(scan: Scan) -> Scan:
@@ -79,8 +95,8 @@ def renumbered(scan: Scan) -> Scan:
 def at_range(scan: Scan, range_m: npt.NDArray[np.float64]) -> Scan:
     """The same echoes at other ranges, shape (n,), not rounded yet: several effects may move an echo.
 
-    No echo lies behind the sensor: a range below 0 becomes 0. Echoes of a beam that have changed places change rows
-    and numbers too, so that both still go by range; all other rows stay where they are.
+    No echo lies behind the sensor: a range below 0 becomes 0, which is none when it is reported. Echoes of a beam that
+    have changed places change rows and numbers too, so that both still go by range; all other rows stay where they are.
     """
     range_m = np.maximum(range_m, 0.0)
     xyz = scan.beams.positions_m(scan.layer, scan.point, range_m)

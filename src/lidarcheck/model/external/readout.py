@@ -9,7 +9,7 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import ReadoutEffect
-from lidarcheck.effects.shared.ranges import at_range, quantised, renumbered
+from lidarcheck.effects.shared.ranges import at_range, in_front, quantised, renumbered
 from lidarcheck.model.stages import Run
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import Program
@@ -45,7 +45,9 @@ def read_out_program(scan: Scan, run: Run, effects: Sequence[ReadoutEffect]) -> 
     if rounds:
         xyz = scan.beams.positions_m(scan.layer, scan.point, quantised(scan.range_m, program))
         scan = replace(scan, x_m=xyz[:, 0], y_m=xyz[:, 1], z_m=xyz[:, 2])
-    if len(scan) > count:
+    more = len(scan) > count
+    scan = in_front(scan)
+    if more:
         scan = _strongest(scan, program.max_echoes)
     return replace(scan, made={})
 
