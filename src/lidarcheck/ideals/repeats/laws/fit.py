@@ -13,7 +13,7 @@ import numpy as np
 from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.ideals.repeats.laws.loss import fit_loss
 from lidarcheck.ideals.repeats.laws.scatter import fit_noise, fit_range
-from lidarcheck.ideals.repeats.laws.spread import AmplitudeBin, Sample, binned, bins_of, pooled_variance
+from lidarcheck.ideals.repeats.laws.spread import CORE_TAIL, AmplitudeBin, Sample, binned, bins_of, pooled_variance
 from lidarcheck.ideals.repeats.laws.work import THRESHOLD, Fitted, Work, sample_of
 from lidarcheck.ideals.repeats.observations import Observations
 from lidarcheck.ideals.repeats.response import LinearResponse, Response
@@ -131,7 +131,7 @@ def _likelihood(sample: Sample, step_m: float) -> float:
     for k in np.unique(number):
         rows = fine[number == k]
         freedom = sample.hits[rows] - 1
-        variance, kept = pooled_variance(sample.range_var[rows], freedom, least=0.04 * step_m**2)
+        variance, kept = pooled_variance(sample.range_var[rows], freedom, least=0.04 * step_m**2, tail=CORE_TAIL)
         mean = max(variance, 0.04 * step_m**2, 1e-12)
         some = freedom[kept]
         total -= 0.5 * float((some * (np.log(mean) + sample.range_var[rows][kept] / mean)).sum())

@@ -9,11 +9,14 @@ from scipy.stats import chi2
 
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 
-__all__ = ["AmplitudeBin", "Sample", "binned", "bins_of", "pooled_variance", "unrounded"]
+__all__ = ["CORE_TAIL", "AmplitudeBin", "Sample", "binned", "bins_of", "pooled_variance", "unrounded"]
 
 _FEWEST_RAYS = 60
-_TAIL = 0.01
-"""Rays that scatter more than all but so many would by the law are left out: leaves in the wind, edges overlooked."""
+_TAIL = 1e-4
+"""Rays that scatter more than all but so many would by the law are left out: leaves in the wind, edges overlooked. Rays
+of one amplitude do not all scatter alike: of an XT32's weakest 4 % lie beyond what 1 % would, and belong to its law."""
+CORE_TAIL = 0.01
+"""The same where the rays that scatter alike are what counts."""
 
 
 @dataclass(frozen=True)
@@ -98,13 +101,15 @@ def binned(sample: Sample, step_m: float) -> list[AmplitudeBin]:
     return found
 
 
-def pooled_variance(variance: FloatArray, freedom: IndexArray, *, least: float = 0.0) -> tuple[float, BoolArray]:
+def pooled_variance(
+    variance: FloatArray, freedom: IndexArray, *, least: float = 0.0, tail: float = _TAIL
+) -> tuple[float, BoolArray]:
     """The mean of variances of so many degrees of freedom, without those beyond chance, and which these are.
 
-    What the tail would have added is put back by the chi-squared distribution. Variances below `least` are rounding.
+    What the `tail` would have added is put back by the chi-squared distribution. Variances below `least` are rounding.
     """
     kept = np.isfinite(variance) & (freedom > 0)
-    limits = {int(n): chi2.ppf(1.0 - _TAIL, n) / n for n in np.unique(freedom[kept])}
+    limits = {int(n): chi2.ppf(1.0 - tail, n) / n for n in np.unique(freedom[kept])}
     limit = np.array([limits.get(int(n), np.inf) for n in freedom])
     mean = _weighted(variance, freedom, kept)
     order = np.argsort(variance[kept])
@@ -115,7 +120,7 @@ def pooled_variance(variance: FloatArray, freedom: IndexArray, *, least: float =
     inside = kept
     for _ in range(20):
         inside = kept & (variance <= limit * max(mean, least))
-        whole = _weighted(variance, freedom, inside) / _share(freedom[inside])
+        whole = _weighted(variance, freedom, inside) / _share(freedom[inside], tail)
         if abs(whole - mean) <= 1e-6 * mean:
             break
         mean = whole
@@ -126,13 +131,13 @@ def _weighted(variance: FloatArray, freedom: IndexArray, rows: BoolArray) -> flo
     return float((variance[rows] * freedom[rows]).sum() / max(int(freedom[rows].sum()), 1))
 
 
-def _share(freedom: IndexArray) -> float:
+def _share(freedom: IndexArray, tail: float) -> float:
     """What the mean of the variances below the limit is of the whole mean."""
     if not len(freedom):
         return 1.0
     numbers, counts = np.unique(freedom, return_counts=True)
-    cut = chi2.ppf(1.0 - _TAIL, numbers)
-    part = chi2.cdf(cut, numbers + 2) / (1.0 - _TAIL)
+    cut = chi2.ppf(1.0 - tail, numbers)
+    part = chi2.cdf(cut, numbers + 2) / (1.0 - tail)
     return float((part * counts * numbers).sum() / (counts * numbers).sum())
 
 
