@@ -21,13 +21,22 @@ _DAMPINGS, _DAMPING = (1.0, 3.0, 10.0), 0.05
 """What is added to the curvature, 1 as a usual error costs 1, and by what part it is enlarged."""
 _LENGTHS = (1.0, -1.0)
 """Differences for slopes, in usual errors: longer ones the limits would cut."""
+_ANEW, _MUCH_NEARER = 3, 0.8
+"""How often slopes are taken anew where a descent has ended, as long as each descent comes nearer to this part: of a
+summary that stands out by far only the logarithm counts, whose slope is another once it is nearly explained."""
 
 
 def fit_nuisance(simulator: Simulator, now: Fit, *, rounds: int = 2) -> Fit:
     """Fit gain, reflectances and pose within their limits, the effects as they are; a usual error costs 1."""
     now = _taken_over(now)
     descent = _NuisanceDescent(simulator, now)
-    end = descend(descent, descent.start(), rounds)
+    start = descent.start()
+    end = descend(descent, start, rounds)
+    for _ in range(_ANEW):
+        if end.distance > _MUCH_NEARER * start.distance:
+            break
+        start = descent.start(end.x)
+        end = descend(descent, start, rounds)
     return replace(now, distance=simulator.distance(end.shown), shown=end.shown, nuisance=descent.nuisance(end.x))
 
 
@@ -42,7 +51,7 @@ class _NuisanceDescent:
     """Towards the measurement in the nuisances, each in its usual errors and within its limits.
 
     Steps are doubled wherever they lead nearer: slopes by single flips, and those far off, promise too much of them.
-    Slopes are taken once, since such small errors act in proportion.
+    Slopes are taken once, since such small errors act in proportion; where much was explained, anew from there.
     """
 
     worth_doubling = 0.0
@@ -57,17 +66,17 @@ class _NuisanceDescent:
         """The nuisance at a point."""
         return at(self.axes, x, gain=self._gain)
 
-    def start(self) -> Point:
-        """Where nothing is off, and the slopes there.
+    def start(self, x: FloatArray | None = None) -> Point:
+        """A point, where nothing is off without one, and the slopes there.
 
         What is not looked at is left out of the covariance too: given all the rest, the others alone would say little.
         """
-        x = np.zeros(len(self.axes))
+        x = np.zeros(len(self.axes)) if x is None else x
         shown = self._shows(x)
         self._rows = _where_seen(self.simulator, self.axes)
         self._metric: Metric = self.simulator.bare.of_rows(self._rows)
         self._jacobian = jacobian_at(self._shows, x, shown, _LENGTHS)[self._rows]
-        return Point(x, shown, self.simulator.distance(shown, metric=self.simulator.bare), x)
+        return self._point(x, shown, x)
 
     def _shows(self, x: FloatArray, seeds: int | None = None) -> FloatArray:
         return self.simulator.shows(self._model, seeds, nuisance=self.nuisance(x))
@@ -81,9 +90,11 @@ class _NuisanceDescent:
     def look(self, now: Point, step: FloatArray) -> Point:
         """See `Objective.look`; the distance is with what the nuisances cost."""
         x = np.clip(now.x + step, -LIMIT, LIMIT)
-        shown = self._shows(x)
+        return self._point(x, self._shows(x), x - now.x)
+
+    def _point(self, x: FloatArray, shown: FloatArray, step: FloatArray) -> Point:
         distance = self.simulator.distance(shown, metric=self.simulator.bare) + self.nuisance(x).penalty
-        return Point(x, shown, distance, x - now.x)
+        return Point(x, shown, distance, step)
 
     def steps(self, now: Point) -> Iterator[FloatArray]:
         """Steps that are damped the more the less they lead."""

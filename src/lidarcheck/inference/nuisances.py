@@ -7,15 +7,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lidarcheck.arrays import FloatArray
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.effects.base import STAGES, Effect
 from lidarcheck.effects.finding import make, with_role
-from lidarcheck.effects.geometry.surfaces import normals_of
+from lidarcheck.effects.geometry.surfaces import normals_of, surfaces_of
 from lidarcheck.effects.search import search_spec
 from lidarcheck.effects.search.base import GAIN_ERROR, POSE_ERROR_DEG, REFLECTANCE_ERROR
 from lidarcheck.effects.search.parts import UsualError
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces, aimed
+from lidarcheck.scan import IdealScan
 
 __all__ = [
     "GAIN_ERROR",
@@ -35,6 +36,8 @@ HEIGHT_ERROR_M = 0.01
 
 _FARTHEST_MOVED_M, _NEAREST_M = 1.0, 1e-3
 """A surface seen at a grazing angle is taken to move no farther, and none to come behind the sensor."""
+_SAME_PLANE_DEG = 1.0
+"""A plane found from the beams beside is a beam's own surface where it is met at nearly the angle that is stated."""
 
 LIMIT = 2.5
 """No nuisance is more than so many of its usual errors; what is larger is an effect and gets a name."""
@@ -152,13 +155,39 @@ class Nuisance:
 def _seen_from(surfaces: Surfaces, higher_m: float) -> Surfaces:
     """The surfaces as a sensor sees them that is higher by so much: each beam stays on the plane that it meets."""
     ideal = surfaces.ideal
+    shown = surfaces_of(ideal, surfaces)
     normal = normals_of(ideal, surfaces)
     towards = (normal * ideal.beams.directions(ideal.layer, ideal.point)).sum(axis=1)
-    farther_m = -higher_m * np.divide(normal[:, 2], towards, out=np.zeros(len(ideal)), where=towards < 0.0)
-    farther_m = np.clip(farther_m, -_FARTHEST_MOVED_M, _FARTHEST_MOVED_M)
+    per_m = -np.divide(normal[:, 2], towards, out=np.zeros(len(ideal)), where=towards < 0.0)
+    fits = np.abs(shown.own_deg - ideal.incidence_deg) < _SAME_PLANE_DEG
+    per_m = per_m[_nearest_that_fits(ideal, fits)]
+    farther_m = np.clip(higher_m * per_m, -_FARTHEST_MOVED_M, _FARTHEST_MOVED_M)
     hit = ideal.distance_m > 0.0
     distance_m = np.where(hit, np.maximum(ideal.distance_m + farther_m, _NEAREST_M), ideal.distance_m)
     return Surfaces(replace(ideal, distance_m=distance_m))
+
+
+def _nearest_that_fits(ideal: IdealScan, fits: BoolArray) -> IndexArray:
+    """For each row itself where it `fits`, else the nearest row of its layer and material that does, (n,).
+
+    At the end of a sector the beams beside lie in one line and tell no plane. A ground that moved but for those would
+    be broken there, and rays that are aimed anew would pass through.
+    """
+    order = np.lexsort((ideal.point, ideal.material_id, ideal.layer))
+    layer, material = ideal.layer[order], ideal.material_id[order]
+    group = np.cumsum(np.append(True, (np.diff(layer) != 0) | (np.diff(material) != 0))[: len(order)])
+    place = np.arange(len(order))
+    before = np.maximum.accumulate(np.where(fits[order], place, -1))
+    after = np.minimum.accumulate(np.where(fits[order], place, len(order))[::-1])[::-1]
+    found, nearest = place.copy(), np.full(len(order), np.inf)
+    for other in (before, after):
+        there = np.clip(other, 0, len(order) - 1)
+        away = np.abs(ideal.point[order][there] - ideal.point[order])
+        nearer = (other == there) & (group[there] == group) & (away < nearest)
+        found[nearer], nearest[nearer] = there[nearer], away[nearer]
+    row = np.empty(len(order), dtype=np.int64)
+    row[order] = order[found]
+    return row
 
 
 def beside(model: Model, effect: Effect) -> Model:

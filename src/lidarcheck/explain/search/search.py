@@ -22,8 +22,9 @@ from lidarcheck.workers.threads import done_by
 
 __all__ = ["DOUBTFUL", "backward", "find_effects", "without"]
 
-DOUBTFUL = 10.0
-"""A start of fewer floors than this may be all nuisance; that is asked first."""
+DOUBTFUL = 40.0
+"""A start of fewer floors than this may be all nuisance; that is asked first. Where ranges scatter by millimetres, half
+a centimetre of height alone makes it 12."""
 _STANDS_OUT = 6.0
 """What one effect explains of a rest that is small enough for chance is none where it is so many times chance's: of
 four nulls, two with nuisances, it was up to 3.3."""
