@@ -155,7 +155,7 @@ class Light:
 
 
 def light_of_beams(light: Light, mask: npt.NDArray[np.bool_]) -> Light:
-    """The light of the beams of a mask, shape (n_beams,); without haze."""
+    """The light of the beams of a mask, shape (n_beams,), with what the air scatters into them."""
     pulses = mask[light.pulse_beam]
     counts = np.diff(light.first_pulse)[mask]
     return replace(
@@ -167,4 +167,12 @@ def light_of_beams(light: Light, mask: npt.NDArray[np.bool_]) -> Light:
         pulse_range_m=light.pulse_range_m[pulses],
         pulse_signal=light.pulse_signal[pulses],
         pulse_row=None if light.pulse_row is None else light.pulse_row[pulses],
+        haze=None if light.haze is None else _haze_of_beams(light.haze, mask),
     )
+
+
+def _haze_of_beams(haze: Haze, mask: npt.NDArray[np.bool_]) -> Haze:
+    counts = np.diff(haze.first_row)
+    rows = np.repeat(mask, counts)
+    first = np.concatenate([[0], np.cumsum(counts[mask])])
+    return replace(haze, first_row=first, row_end_m=haze.row_end_m[rows], row_share=haze.row_share[rows])

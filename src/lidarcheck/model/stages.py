@@ -13,6 +13,7 @@ import numpy.typing as npt
 from lidarcheck.effects.base import AimEffect, Effect, in_detector
 from lidarcheck.errors import UsageError
 from lidarcheck.model.estimates import drawn, with_row_keys
+from lidarcheck.model.kept import KeptLights, Watched, through
 from lidarcheck.model.light import light_of, surface_signal
 from lidarcheck.model.sharing import Share, serially, share
 from lidarcheck.model.spec import Model
@@ -32,15 +33,6 @@ __all__ = [
 ]
 
 _KEPT = 4
-_DEPENDS = {
-    "ideal": (),
-    "scene": (),
-    "caster": (),
-    "sensor": ("sensor",),
-    "materials": ("materials",),
-    "signal": ("sensor", "materials"),
-}
-"""On what of a run an effect depends, besides the scan and the scene, that has asked for this and for nothing else."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +52,7 @@ class _Aimed:
 
 
 class Surfaces:
-    """The surfaces of an ideal scan, found when an effect asks for them.
+    """The surfaces of an ideal scan, found when an effect asks for them, and what of aim and light no seed changes.
 
     Several threads may use one: at worst they find the same thing twice.
     """
@@ -68,10 +60,11 @@ class Surfaces:
     def __init__(self, ideal: IdealScan) -> None:
         self.ideal = ideal
         self._aimed: tuple[_Aimed, ...] = ()
+        self._lights = KeptLights()
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what can be found again faster than it is sent."""
-        return {"ideal": self.ideal, "_aimed": ()}
+        return {"ideal": self.ideal, "_aimed": (), "_lights": KeptLights()}
 
     @functools.cached_property
     def caster(self) -> Caster:
@@ -91,28 +84,27 @@ class Surfaces:
             if kept.holds(effect, run):
                 self._keep(kept)
                 return kept.after
-        around = _Watched(run.of(effect))
+        around: Any = Watched(run.of(effect))
         after = effect.aim(run.ideal, around)
-        if around.asked <= _DEPENDS.keys():
-            names = {name for asked in around.asked for name in _DEPENDS[asked]}
-            self._keep(_Aimed(effect, run.ideal, run.scene, {name: getattr(run, name) for name in names}, after))
+        asked = around.depends()
+        if asked is not None:
+            self._keep(_Aimed(effect, run.ideal, run.scene, asked, after))
         return after
+
+    def light(self, run: Run) -> Light:
+        """The run's light behind its light effects; from memory, as far as no random numbers are in it."""
+        if run.ideal is self.ideal or run.ideal is self.keyed or any(one.after is run.ideal for one in self._aimed):
+            return self._lights.light(run, of_stage("light", run.model.effects))
+        return _lit(run)
 
     def _keep(self, new: _Aimed) -> None:
         """The last used come first; a few are kept."""
         self._aimed = (new, *(kept for kept in self._aimed if kept is not new))[:_KEPT]
 
 
-class _Watched:
-    """A run that notes what is asked of it."""
-
-    def __init__(self, run: Run) -> None:
-        self._run = run
-        self.asked: set[str] = set()
-
-    def __getattr__(self, name: str) -> Any:
-        self.asked.add(name)
-        return getattr(self._run, name)
+def _lit(run: Run) -> Light:
+    """The run's light behind its light effects."""
+    return through(of_stage("light", run.model.effects), light_of(run.ideal, run.model, run.among), run)
 
 
 def light_after_effects(
@@ -165,15 +157,13 @@ def run_and_light(
 ) -> tuple[Run, Light]:
     """What effects may know behind the detector stage, and the light that reaches the SPADs.
 
-    `surfaces`: those of this ideal scan, if known already. `threads`: all cores when None. `as_written`: without
-    drawing what the ideal scan may be off by (`estimates`).
+    `surfaces`: those of this ideal scan, if known already: they keep the light for the next seed or model. `threads`:
+    all cores when None. `as_written`: without drawing what the ideal scan may be off by (`estimates`).
     """
     among = functools.partial(share, threads=threads)
     run = replace(run_of(ideal, model, seed, frame, scene, surfaces), among=among).after_stage("aim", model.effects)
     run = run if as_written else replace(run, ideal=drawn(run.ideal, seed))
-    light = light_of(run.ideal, model, among)
-    for effect in of_stage("light", model.effects):
-        light = effect.light(light, run.of(effect))
+    light = _lit(run) if surfaces is None else surfaces.light(run)
     run = run.after_stage("detector", model.effects)
     sensor = run.sensor
     for effect in of_stage("readout", model.effects):

@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lidarcheck.calibration.number import entry, light
 from lidarcheck.calibration.number.entry import expected, sample
+from lidarcheck.calibration.number.memo import Memo
 from lidarcheck.calibration.number.number import UNSEEN, judged
 from lidarcheck.errors import InputError
+from lidarcheck.model import incremental
 from lidarcheck.reading import reading
 from number_kit import asked, changed, project, table
 
@@ -137,3 +140,28 @@ def test_without_an_ideal_scan_or_a_target_it_says_why(sign):
     )
     with pytest.raises(InputError, match="no beam of its ideal scan has S of"):
         sample(replace(asked(sign), model=sign / "dull.toml"))
+
+
+@pytest.mark.parametrize("air", ["", '\n[[effects]]\nname = "fog"\nmor_m = 400.0\n'], ids=["clear", "fog"])
+def test_an_edit_simulates_the_beams_that_it_lights_otherwise_and_gives_the_same_number(tmp_path, monkeypatch, air):
+    folder = project(tmp_path)
+    (folder / "model.toml").write_text((folder / "model.toml").read_text() + air)
+    simulated, echoes_of = [], incremental.echoes_of
+
+    def counted(part, *args, **how):
+        simulated.append(len(part))
+        return echoes_of(part, *args, **how)
+
+    monkeypatch.setattr(incremental, "echoes_of", counted)
+    first = sample(asked(folder))
+    before = sum(simulated)
+    found = edited(folder, changed(7, 1.3))
+    after = sum(simulated) - before
+    assert judged(first, found).word != UNSEEN
+    assert 0 < after < 0.6 * before
+    monkeypatch.setattr(entry, "_NUMBERS", Memo(400))
+    monkeypatch.setattr(light, "_LAST", Memo(4))
+    again = edited(folder, changed(7, 1.3))
+    assert sum(simulated) - before - after == before
+    assert (again.value, again.parts, again.simulated) == (found.value, found.parts, found.simulated)
+    assert np.array_equal(again.left_out, found.left_out)

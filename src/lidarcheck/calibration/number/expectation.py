@@ -15,7 +15,6 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.blooming.response import FEATURES, GATE_M, Response, response_of
 from lidarcheck.calibration.number.beside import Beside
 from lidarcheck.calibration.number.light import Lights, keys_of
-from lidarcheck.calibration.number.memo import Memo
 from lidarcheck.calibration.number.misfit import Means, Misfit
 from lidarcheck.inference.observed.echo_view import Slot
 from lidarcheck.scan import Light
@@ -24,7 +23,6 @@ from lidarcheck.sensor import SpadArray
 __all__ = ["expected_means", "moved"]
 
 _DARK = 1e-6
-_RESPONSES: Memo[Response] = Memo(4)
 
 
 def expected_means(misfit: Misfit, lights: Lights) -> Means | None:
@@ -32,8 +30,7 @@ def expected_means(misfit: Misfit, lights: Lights) -> Means | None:
     if not lights.first or not isinstance(lights.first[0][1].sensor, SpadArray):
         return None
     light, run = lights.first[0]
-    known = repr((run.sensor, light.shape))
-    response = _RESPONSES.get(known, lambda: response_of(run.sensor, light.shape))
+    response = response_of(run.sensor, light.shape)
     at = np.log10(np.maximum(_signal(misfit.beside, [one for one, _ in lights.first]), _DARK))
     share, value = response.probability(at)[0], _features(response, at, misfit.slots)
     cells = len(misfit.cells)

@@ -3,29 +3,32 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.calibration.number.frames import Frames
+from lidarcheck.calibration.number.memo import Memo
 from lidarcheck.calibration.number.models import said_of
 from lidarcheck.cases.frame import Frame
-from lidarcheck.model.chain import echoes_of, read_out, simulate_frames
-from lidarcheck.model.estimates import drawn, is_estimate
-from lidarcheck.model.light import light_of
-from lidarcheck.model.sharing import serially
+from lidarcheck.model.chain import simulate_frames
+from lidarcheck.model.incremental import DetectedFrame, detected
 from lidarcheck.model.spec import Model
-from lidarcheck.model.stages import Run, Surfaces, of_stage, run_of
-from lidarcheck.scan import Haze, Light, Scan, light_of_beams
+from lidarcheck.model.stages import Run, Surfaces, of_stage, run_and_light
+from lidarcheck.scan import Light, Scan, light_of_beams
 from lidarcheck.sensor import Program
 
 __all__ = ["Keys", "Lights", "Lit", "keys_of", "lights_of", "lit"]
 
 Keys = npt.NDArray[np.int64]
+
+_KEPT_BEAMS = 1_000_000
+"""Beams of a frame, times seeds, up to which echoes are kept for the next model: some 100 MB."""
+_LAST: Memo[Sequence[Lit]] = Memo(4)
+"""What was simulated last, by the measurement, the beams and the seeds."""
 
 
 def keys_of(layer: npt.ArrayLike, point: npt.ArrayLike) -> Keys:
@@ -36,10 +39,13 @@ def keys_of(layer: npt.ArrayLike, point: npt.ArrayLike) -> Keys:
 @dataclass(frozen=True)
 class Lit:
     """What some beams of a frame get with a model: their light and the run that it comes from, one for all seeds, or
-    one for each where effects draw. `alike`: a hash of it and of all that sees it."""
+    one for each where effects draw. `alike`: a hash of it and of all that sees it. `before`: the echoes that another
+    model made with the k-th seed, which are taken for beams that get the same light; `shown`: those of this one."""
 
     of_seed: tuple[tuple[Light, Run], ...]
     seeds: tuple[int, ...]
+    before: Mapping[int, DetectedFrame] = field(default_factory=dict)
+    shown: dict[int, DetectedFrame] = field(default_factory=dict)
 
     @property
     def alike(self) -> str:
@@ -55,23 +61,29 @@ class Lit:
     def scan(self, k: int) -> Scan:
         """The echoes with the k-th seed, as `simulate` gives them for these beams."""
         light, run = self.of_seed[min(k, len(self.of_seed) - 1)]
-        run = replace(run, seed=self.seeds[k])
-        effects = of_stage("readout", run.model.effects)
-        how: dict[str, Any] = {"seed": run.seed, "frame": run.frame, "threads": 1, "run": run}
-        scan = echoes_of(light, run.sensor, rounded=not effects, **how)
-        return read_out(scan, run, effects) if effects else scan
+        found = detected(light, replace(run, seed=self.seeds[k]), self.before.get(k), threads=1)
+        if len(light) * len(self.seeds) <= _KEPT_BEAMS:
+            self.shown[k] = found
+        return found.read_out(run.model)
 
 
-def lit(frame: Frame, surfaces: Surfaces, model: Model, seeds: Sequence[int], keys: Keys) -> Lit:
-    """The light of the beams `keys`, ascending, of a frame.
+def lit(
+    frame: Frame, surfaces: Surfaces, model: Model, seeds: Sequence[int], keys: Keys, before: Lit | None = None
+) -> Lit:
+    """The light of the beams `keys`, ascending, of a frame. `before`: with the same seeds and another model.
 
     Light of other beams may reach these, so that the whole frame's is found first and then cut.
     """
-    drew: list[str] = []
-    found = [_light(frame, surfaces, model, seeds[0], drew)]
-    if drew:
-        found += [_light(frame, surfaces, model, seed, drew) for seed in seeds[1:]]
-    return Lit(tuple((_cut(light, keys), run) for light, run in found), tuple(seeds))
+    found: list[tuple[Run, Light]] = []
+    for seed in seeds:
+        found.append(run_and_light(surfaces.ideal, model, seed, frame.number, None, surfaces, 1))
+        if len(found) == 2 and found[0][1] is found[1][1]:  # kept, so that no seed changes it
+            del found[1]
+            break
+    of_seed = tuple(
+        (light_of_beams(light, np.isin(keys_of(light.layer, light.point), keys)), run) for run, light in found
+    )
+    return Lit(of_seed, tuple(seeds), {**before.before, **before.shown} if before else {})
 
 
 @dataclass(frozen=True)
@@ -88,8 +100,11 @@ def lights_of(data: Frames, model: Model, seeds: Sequence[int], keys: Sequence[K
     """The light of the beams `keys` of each frame, and their echoes; somebody else's program gets whole frames."""
     if isinstance(model.sensor, Program):
         return _around(data, model, seeds, keys)
-    pairs = zip(data.frames, data.surfaces, keys, strict=True)
-    found = [lit(frame, surfaces, model, seeds, some) for frame, surfaces, some in pairs]
+    about = (data.key, tuple(seeds), *(hashlib.sha256(some.tobytes()).hexdigest() for some in keys))
+    before: Sequence[Lit | None] = _LAST.held(about) or [None] * len(keys)
+    pairs = zip(data.frames, data.surfaces, keys, before, strict=True)
+    found = [lit(frame, surfaces, model, seeds, some, last) for frame, surfaces, some, last in pairs]
+    _LAST.put(about, found)
     first = tuple(one.of_seed[0] for one in found)
     return Lights(_hash([one.alike for one in found]), lambda k: [one.scan(k) for one in found], first)
 
@@ -108,50 +123,6 @@ def _around(data: Frames, model: Model, seeds: Sequence[int], keys: Sequence[Key
 
 def _hash(words: Sequence[str]) -> str:
     return hashlib.sha256("\n".join(words).encode()).hexdigest()
-
-
-@dataclass(frozen=True, slots=True)
-class _Watched(Run):
-    """A run that notes who draws random numbers."""
-
-    drew: list[str] = field(default_factory=list)
-
-    def uniforms(self, layer: npt.ArrayLike, point: npt.ArrayLike, draws: int = 1) -> FloatArray:
-        """As the run's own."""
-        self.drew.append(self.purpose)
-        return Run.uniforms(self, layer, point, draws)
-
-
-def _light(frame: Frame, surfaces: Surfaces, model: Model, seed: int, drew: list[str]) -> tuple[Light, Run]:
-    """As `run_and_light`; `drew` gets the names of those that draw."""
-    plain = run_of(surfaces.ideal, model, seed, frame.number, None, surfaces)
-    run: Run = _Watched(**{f.name: getattr(plain, f.name) for f in fields(Run)}, drew=drew)
-    run = run.after_stage("aim", model.effects)
-    if is_estimate(run.ideal):
-        drew.append("estimate")
-        run = replace(run, ideal=drawn(run.ideal, seed))
-    light = light_of(run.ideal, model, serially)
-    for effect in of_stage("light", model.effects):
-        light = effect.light(light, run.of(effect))
-    run = run.after_stage("detector", model.effects)
-    sensor = run.sensor
-    for effect in of_stage("readout", model.effects):
-        light, sensor = effect.before(light, sensor)
-    return light, replace(run, sensor=sensor)
-
-
-def _cut(light: Light, keys: Keys) -> Light:
-    """The light of some beams, with what the air scatters into them."""
-    mask = np.isin(keys_of(light.layer, light.point), keys)
-    part = light_of_beams(light, mask)
-    return part if light.haze is None else replace(part, haze=_cut_haze(light.haze, mask))
-
-
-def _cut_haze(haze: Haze, mask: BoolArray) -> Haze:
-    counts = np.diff(haze.first_row)
-    rows = np.repeat(mask, counts)
-    first = np.concatenate([[0], np.cumsum(counts[mask])])
-    return replace(haze, first_row=first, row_end_m=haze.row_end_m[rows], row_share=haze.row_share[rows])
 
 
 def _columns(light: Light) -> list[npt.NDArray[Any]]:
