@@ -66,13 +66,13 @@ class Simulations:
     """Simulates models on some frames, and keeps echoes for models that differ by little: most of those that a fit asks
     for. What is kept saves time and changes nothing.
 
-    `model`: the case's own. `seed`: what all seeds begin from.
+    `seed`: what all seeds begin from.
     """
 
-    def __init__(self, frames: Sequence[Frame], model: Model, seed: int) -> None:
+    def __init__(self, frames: Sequence[Frame], seed: int = 0) -> None:
         self.frames = tuple(frames)
-        self.model = model
         self.seed = seed
+        self._own: Model | None = None
         self._unread: dict[_Simulated, list[DetectedFrame]] = {}
         self._plain: dict[int, list[DetectedFrame]] = {}
         self._surfaces = [Surfaces(f.ideal) for f in self.frames]
@@ -82,9 +82,10 @@ class Simulations:
         """Without what is kept of other models than the case's own."""
         return {**self.__dict__, "_unread": {}, "_posed": {}}
 
-    def keep_own(self, seeds: int) -> None:
+    def keep_own(self, model: Model, seeds: int) -> None:
         """Simulate the case's own model with the first seeds and keep that for good."""
-        self._plain = {k: self._simulated(self.model, k, Nuisance()) for k in range(seeds)}
+        self._own = model
+        self._plain = {k: self._simulated(model, k, Nuisance()) for k in range(seeds)}
 
     def scans(self, model: Model, seed: int, nuisance: Nuisance | None = None) -> list[Scan]:
         """What the model shows of every frame, with random numbers of its own."""
@@ -109,7 +110,9 @@ class Simulations:
     def _nearest(self, key: _Simulated) -> tuple[_Simulated | None, list[DetectedFrame] | None]:
         """Of what is kept, what has most of its beams in common with a model: the latest, or the case's own model."""
         plain = self._plain.get(key.seed)
-        least = key.differences(_Simulated.of(self.model, key.seed, Nuisance())) if plain is not None else _ALL
+        least = _ALL
+        if self._own is not None and plain is not None:
+            least = key.differences(_Simulated.of(self._own, key.seed, Nuisance()))
         kept = self._unread
         near = min(reversed(kept), key=key.differences, default=None)
         if near is None or key.differences(near) >= least:

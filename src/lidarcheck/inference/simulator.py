@@ -52,7 +52,7 @@ class Simulator:
         self.model = model
         self.seed = seed
         self.seeds = seeds
-        self._simulations = Simulations(frames, model, seed)
+        self._simulations = Simulations(frames, seed)
         self.beams: BeamTable = beams_of([f.ideal for f in frames], model)
         if not len(self.beams):
             what = "no beam can be judged: each meets an edge, or nobody knows what"
@@ -79,7 +79,7 @@ class Simulator:
         # Half of the draws teach the metric; the others tell how far it errs on data that it does not know.
         self.floor, self.check = self.summaries.fresh[CHECK_DRAWS:], self.summaries.fresh[:CHECK_DRAWS]
         self._paired: dict[int, FloatArray] = {}
-        self._simulations.keep_own(seeds)
+        self._simulations.keep_own(model, seeds)
         self.edges = self.edges_beside(base)
         self.metric, self.bare = metrics(self.floor, self.edges, nuisances(self))
         kinds = [(name.feature, name.covariate) for name in self.summaries.names]

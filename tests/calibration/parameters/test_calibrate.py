@@ -1,5 +1,6 @@
 """The closed loop on frames that an independent simulator measured with numbers that are known."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -272,3 +273,18 @@ def test_an_interrupt_leaves_the_best_so_far(signal_case, tmp_path, capsys, monk
     assert main(["calibrate", str(signal_case), "--free", "signal_at_1m", "--out", str(out), "--rounds", "1"]) == 0
     assert "going on with what an interrupted run left" in capsys.readouterr().err
     assert (out / "result.json").exists()
+
+
+def test_what_models_show_is_the_same_with_echoes_that_are_kept_and_without(signal_case):
+    case = load_case(signal_case, fewest=1)
+    foggy = case.model.with_(make("fog", {"mor_m": 150.0}))
+    panel = {**foggy.materials, 2: dataclasses.replace(foggy.materials[2], reflectance=0.37)}
+    late = foggy.with_(make("range_offset", {"offset_m": 0.1}))
+    models = [foggy, dataclasses.replace(foggy, materials=panel), late, case.model, foggy]
+    kept = FitData.of(case.frames, case.model, 5)
+    for k in (0, 1, 0):
+        for model in models:
+            fresh = FitData.of(case.frames, case.model, 5)
+            one, other = (data.observations(model, "fit", k) for data in (kept, fresh))
+            for column in dataclasses.fields(one):
+                assert np.array_equal(getattr(one, column.name), getattr(other, column.name), equal_nan=True)

@@ -18,9 +18,10 @@ from lidarcheck.errors import UsageError
 from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.observed.beam_table import BeamTable, beams_of, key_of
 from lidarcheck.inference.observed.observations import Observations, observations_of
-from lidarcheck.inference.simulations import observed
+from lidarcheck.inference.simulations import Simulations, observed
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces
+from lidarcheck.sensor import Program
 from lidarcheck.workers import Shared, WorkerPool
 
 __all__ = ["FitData", "FitReference", "seed_of"]
@@ -68,7 +69,7 @@ class FitData:
         self, frames: Sequence[Frame], beams: BeamTable, used: BoolArray, seed: int, pool: WorkerPool | None = None
     ) -> None:
         self.frames = tuple(frames)
-        self._surfaces = [Surfaces(f.ideal) for f in self.frames]
+        self._simulations = Simulations(self.frames)
         self.beams = beams
         self.used = used
         self.seed = seed
@@ -92,7 +93,10 @@ class FitData:
 
     def observations(self, model: Model, purpose: str, k: int) -> Observations:
         """What the model shows of each beam with the k-th seed of a purpose."""
-        return observed(self.frames, self._surfaces, self.beams, model, seed_of(self.seed, purpose, k))
+        seed = seed_of(self.seed, purpose, k)
+        if isinstance(model.sensor, Program):  # handed the ideal scans as they are, where nothing stands around it
+            return observed(self.frames, [Surfaces(f.ideal) for f in self.frames], self.beams, model, seed)
+        return observations_of(self.beams, self._simulations.scans(model, seed))
 
     def totals(self, reference: FitReference, asked: Iterable[tuple[Model, str, int]]) -> list[FloatArray | None]:
         """The statistics that models show, each with the k-th seed of a purpose; None where no sensor has such
