@@ -47,7 +47,7 @@ class ScenarioRun:
 
     def with_model(self, model: Model) -> ScenarioRun:
         """The same scenario and goldens with another model in the place of the scenario's own, nothing run yet."""
-        scenario = dataclasses.replace(self.scenario, model=model)
+        scenario = self.scenario.with_model(model)
         run = partial(_measure, scenario, model)
         return dataclasses.replace(self, scenario=scenario, model=model, run=run, foreign=True, paired=[], fresh=[])
 

@@ -21,6 +21,7 @@ __all__ = [
     "OF_SURFACE_M",
     "EchoPairs",
     "Pairing",
+    "SortedRows",
     "beam_keys",
     "nearest_on_line",
     "of_surface_m",
@@ -72,6 +73,36 @@ class Pairing:
     def of_one_surface(self) -> BoolArray:
         """Echoes that come from a surface, and whose beam is not marked as one that may meet two, shape (n_echoes,)."""
         return self.of_surface if self.at_edge is None else self.of_surface & ~self.at_edge
+
+
+@dataclass(frozen=True)
+class SortedRows:
+    """The rows of an ideal scan by beam and distance: what pairing asks of it, the same for every scan of its beams.
+
+    Per beam, shape (n_beams,), ascending: `beams` (their keys), `first_row` (one of the beam's), `distance_m` (as
+    `Pairing` has it). `beam_of_row` (n_rows,); `order`: the rows that meet a surface, ascending in (beam, distance);
+    `marked` (n_rows,): as of `at_marked_edges`.
+    """
+
+    beams: IndexArray
+    first_row: IndexArray
+    beam_of_row: IndexArray
+    order: IndexArray
+    distance_m: FloatArray
+    marked: BoolArray | None
+
+    @classmethod
+    def of(cls, ideal: IdealScan) -> SortedRows:
+        """Those of an ideal scan."""
+        keys = beam_keys(ideal.layer, ideal.point)
+        beams, first_row, beam_of_row = np.unique(keys, return_index=True, return_inverse=True)
+        hit = np.flatnonzero(ideal.distance_m > 0.0)
+        order = hit[np.lexsort((ideal.distance_m[hit], beam_of_row[hit]))]
+        distance = np.zeros(beams.size)
+        # Descending distance within a beam: the last written, and so kept, is the nearest.
+        distance[beam_of_row[order[::-1]]] = ideal.distance_m[order[::-1]]
+        distance[beam_of_row[np.isnan(ideal.distance_m)]] = np.nan
+        return cls(beams, first_row, beam_of_row, order, distance, at_marked_edges(ideal))
 
 
 @dataclass(frozen=True)
@@ -136,29 +167,33 @@ def of_surface_m(sensor: Sensor | None = None, *, external: bool = False) -> flo
 
 
 def pair_with_ideal(
-    ideal: IdealScan, scan: Scan, sensor: Sensor | None = None, *, model: Model | None = None
+    ideal: IdealScan,
+    scan: Scan,
+    sensor: Sensor | None = None,
+    *,
+    model: Model | None = None,
+    rows: SortedRows | None = None,
 ) -> Pairing:
     """Find the surface of every echo and the beams that were detected, within the window of `surface_window_m`.
 
     `sensor`: what made the scan, that of the `model` where None, the built-in one where neither is given. Rows of one
     (layer, point) in the ideal scan are sub-beams: the beam counts once and an echo on any of their surfaces detects
     it. The residual of a histogram's echo is taken against the mean of all rows within its window, each with the signal
-    that it sends (equal reflectances where no `model` and no column tells them). `UsageError` names the first echo's
-    beam that the ideal scan does not have, or says that the two are read as two sensors'.
+    that it sends (equal reflectances where no `model` and no column tells them). `rows`: those of this ideal scan, if
+    known already. `UsageError` names the first echo's beam that the ideal scan does not have, or says that the two are
+    read as two sensors'.
     """
     if not ideal.beams.alike(scan.beams):
         what = "the ideal scan is read with the beams of one sensor, the echoes with those of another"
         raise UsageError(what, fix="name the sensor that measured, for both")
-    keys = beam_keys(ideal.layer, ideal.point)
-    beams, first_row, beam_of_row = np.unique(keys, return_index=True, return_inverse=True)
-    echo_beam = _beams_of_echoes(beams, scan)
+    rows = rows or SortedRows.of(ideal)
+    beam_of_row, order, first_row, marked = rows.beam_of_row, rows.order, rows.first_row, rows.marked
+    echo_beam = _beams_of_echoes(rows.beams, scan)
     path_m = paths(scan)
     external = model is not None and model.external is not None
     sensor = model.sensor if sensor is None and model is not None else sensor
     window_m = surface_window_m(sensor, external=external)
 
-    hit = np.flatnonzero(ideal.distance_m > 0.0)
-    order = hit[np.lexsort((ideal.distance_m[hit], beam_of_row[hit]))]
     surface = nearest_on_line(beam_of_row[order], ideal.distance_m[order], echo_beam, path_m)
     row = np.where(surface >= 0, order[surface] if order.size else -1, -1)
     residual = np.full(len(scan), np.nan)
@@ -168,17 +203,13 @@ def pair_with_ideal(
         mean_m = _mean_surface_m(ideal, order, beam_of_row, echo_beam, path_m, window_m, sensor, model)
         residual = np.where(np.isnan(mean_m), residual, path_m - mean_m)
 
-    distance = np.zeros(beams.size)
-    # Descending distance within a beam: the last written, and so kept, is the nearest.
-    distance[beam_of_row[order[::-1]]] = ideal.distance_m[order[::-1]]
-    distance[beam_of_row[np.isnan(ideal.distance_m)]] = np.nan
-    detected = np.zeros(beams.size, dtype=np.bool_)
+    detected = np.zeros(rows.beams.size, dtype=np.bool_)
     detected[echo_beam[on_surface]] = True
-    marked, judged = at_marked_edges(ideal), judged_rows(ideal, scan)
+    judged = judged_rows(ideal, scan)
     return Pairing(
         layer=ideal.layer[first_row],
         point=ideal.point[first_row],
-        distance_m=distance,
+        distance_m=rows.distance_m,
         detected=detected,
         judged=(judged if marked is None else judged & ~marked)[first_row],
         echo_beam=echo_beam,

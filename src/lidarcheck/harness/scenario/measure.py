@@ -33,7 +33,7 @@ def measure(scenario: Scenario, model: Model, seed: int, *, threads: int | None 
     for frame in range(scenario.frames):
         scan = shown(seed=seed, frame=frame, threads=threads)
         _feed(digest, scan)
-        pairing = pair_with_ideal(scenario.ideal, scan, model=model)
+        pairing = pair_with_ideal(scenario.ideal, scan, model=model, rows=scenario.rows)
         parts.append(SelectedEchoes.of(scan, pairing, frame, model.sensor))
     return _measured(scenario, SelectedEchoes.joined(parts), digest.hexdigest())
 

@@ -28,7 +28,7 @@ from lidarcheck.harness.kpis.spec import KpiSpec
 from lidarcheck.harness.scenario.asked import AskedKpi, ask, hashed
 from lidarcheck.harness.scenario.file import ScenarioTable
 from lidarcheck.harness.scenario.shapes import Shape, lay_beams
-from lidarcheck.kpi.pairing import beam_keys, pair_with_ideal
+from lidarcheck.kpi.pairing import SortedRows, beam_keys, pair_with_ideal
 from lidarcheck.model.files.model_file import load_model, model_of
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces
@@ -72,6 +72,17 @@ class Scenario:
     def surfaces(self) -> Surfaces:
         """What the ideal scan shows, the same for all seeds."""
         return Surfaces(self.ideal)
+
+    @functools.cached_property
+    def rows(self) -> SortedRows:
+        """The rows of the ideal scan as echoes are paired with them."""
+        return SortedRows.of(self.ideal)
+
+    def with_model(self, model: Model) -> Scenario:
+        """The same beams and KPIs with another model, and with what is known of the surfaces."""
+        other = replace(self, model=model)
+        other.__dict__.update(surfaces=self.surfaces, rows=self.rows)
+        return other
 
 
 def load_scenario(path: Path | str) -> Scenario:
