@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -151,6 +151,13 @@ def response_of(
     `within`: where in a bin pulses come, 0 to 1, each as often; all places alike where empty. It counts for bright
     light: whether detectors fire a second time before the pulse is over goes by it, and AREA by a quarter.
     """
+    if isinstance(sensor, Program):  # which may be another one the next time
+        return _simulated(sensor, shape, within, seed)
+    return _kept(sensor, shape, within, seed)
+
+
+def _simulated(sensor: Sensor, shape: PulseShape | None, within: tuple[float, ...], seed: int) -> Response:
+    """The response, simulated."""
     from lidarcheck.model.chain import echoes_of
 
     levels: FloatArray = np.linspace(_FROM, _TO, round((_TO - _FROM) / _STEP) + 1)
@@ -170,6 +177,10 @@ def response_of(
     mean, variance = mean[nearest], variance[nearest]
     detected = np.asarray((count + 0.5) / (_beams(sensor) + 1.0), dtype=np.float64)
     return Response(levels, mean, variance, detected)
+
+
+_kept = lru_cache(maxsize=32)(_simulated)
+"""The same, and kept: a fit, its pictures and the table beside them ask for the same ones."""
 
 
 def _beams(sensor: Sensor) -> int:
