@@ -47,6 +47,7 @@ class Project:
             path=path,
             model=self.model,
             kpis=self.specs,
+            forget=lambda: None,
             content_hash=hashlib.sha256(f"{self.version} {self.specs}".encode()).hexdigest(),
         )
 

@@ -54,12 +54,12 @@ class ScenarioRun:
     @property
     def paired_job(self) -> ScenarioJob:
         """What runs the paired seeds."""
-        return ScenarioJob(self.scenario.name, self.run, self.paired)
+        return ScenarioJob(self.scenario.name, self.run, self.paired, self.scenario.forget)
 
     @property
     def fresh_job(self) -> ScenarioJob:
         """What runs further seeds."""
-        return ScenarioJob(self.scenario.name, self.run, self.fresh)
+        return ScenarioJob(self.scenario.name, self.run, self.fresh, self.scenario.forget)
 
     def comparisons(self) -> list[tuple[Golden, KpiGolden, KpiSpec]]:
         """(reference, its KPI, what is asked of it) of every KPI of the last golden, and of the release's that it has.

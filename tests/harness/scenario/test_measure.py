@@ -10,6 +10,7 @@ import pytest
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats import save_scan
+from lidarcheck.harness.gate.seeds import Runner, ScenarioJob
 from lidarcheck.harness.kpis.fired import FiredBeams
 from lidarcheck.harness.kpis.registry import KINDS
 from lidarcheck.harness.kpis.selection import KpiSelection, SelectedEchoes
@@ -21,6 +22,7 @@ from lidarcheck.kpi.distances import wasserstein
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.model import simulate
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.workers import WorkerPool
 from scenario_texts import kpis, panel_scene, surface
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
@@ -329,3 +331,38 @@ def test_two_millimetres_are_seen(name, monkeypatch):
 def test_a_dead_layer_is_seen(name, layer, monkeypatch):
     found = altered(name, monkeypatch, lambda scan: scan.take(scan.layer != layer))
     assert any("detection" in kpi and change < -1.5 for kpi, (change, _) in found.items())
+
+
+@pytest.mark.parametrize("name", ["watch_front_SMART", "effect_fog_SMART", "watch_first_SMART"])
+def test_what_seeds_share_changes_none_of_them(name: str) -> None:
+    scenario = load_scenario(SCENARIOS / f"{name}.toml")
+    strong = replace(scenario.model, sensor=replace(scenario.model.sensor, signal_at_1m=5000.0))
+    found = [measure(scenario, scenario.model, seed, threads=1).digest for seed in (1, 2)]
+    other = scenario.with_model(strong)
+    changed = measure(other, strong, 2, threads=1).digest
+    scenario.forget()
+    again = measure(scenario, scenario.model, 2, threads=1).digest
+    assert len({*found, changed}) == 3
+    assert again == found[1]
+    assert changed == measure(load_scenario(SCENARIOS / f"{name}.toml"), strong, 2, threads=1).digest
+
+
+def test_scenarios_side_by_side_begin_with_a_seed_each_and_let_go_of_what_seeds_share() -> None:
+    told: list[tuple[str, int | str]] = []
+
+    def job(label: str) -> ScenarioJob:
+        def run(seed: int) -> SeedMeasurement:
+            told.append((label, seed))
+            return SeedMeasurement({"x": seed}, {}, {}, "")
+
+        return ScenarioJob(label, run, [], lambda: told.append((label, "done")))
+
+    jobs = [job("one"), job("two"), job("three")]
+    Runner(2, pool=WorkerPool()).seeds(jobs, (4, 5, 6))
+    began = [(label, seed) for label, seed in told if seed != "done"]
+    assert began == [
+        *(("one", 4), ("two", 4), ("one", 5), ("one", 6), ("two", 5), ("two", 6)),
+        *(("three", 4), ("three", 5), ("three", 6)),
+    ]
+    assert [label for label, seed in told if seed == "done"] == ["one", "two", "three"]
+    assert all([record.values["x"] for record in one.records] == [4, 5, 6] for one in jobs)

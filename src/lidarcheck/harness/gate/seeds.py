@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -56,11 +56,13 @@ class SeedRecord:
 
 
 class ScenarioJob(NamedTuple):
-    """A scenario to be run: its name, what runs a seed of it, and the list that its records are appended to."""
+    """A scenario to be run: its name, what runs a seed of it, and the list that its records are appended to. `forget`
+    is called when its seeds are done, so that what they shared need not stay until all scenarios are."""
 
     label: str
     run: Callable[[int], SeedMeasurement]
     records: list[SeedRecord]
+    forget: Callable[[], object] = lambda: None
 
 
 class Runner:
@@ -82,7 +84,7 @@ class Runner:
 
     def seeds(self, jobs: Sequence[ScenarioJob], seeds: Sequence[int]) -> None:
         """Run `seeds` of every job and append their records, in the order of the seeds."""
-        tasks = [(job, seed) for job in jobs for seed in seeds]
+        tasks = [*self._order(jobs, seeds)]
         if not tasks:
             return
         total = self._done + len(tasks)
@@ -94,9 +96,19 @@ class Runner:
             for record in pool.map(_run, ((self._holding(job), seed) for job, seed in tasks)):
                 self._progress(self._done + len(found) + 1, total, tasks[len(found)][0].label)
                 found.append(record)
+                if tasks[len(found) - 1][1] == seeds[-1]:
+                    tasks[len(found) - 1][0].forget()
         self._done = total
         for (job, _), record in zip(tasks, found, strict=True):
             job.records.append(record)
+
+    def _order(self, jobs: Sequence[ScenarioJob], seeds: Sequence[int]) -> Iterator[tuple[ScenarioJob, int]]:
+        """As many scenarios side by side as there are workers: what all seeds of one share is then found once, by its
+        first seed, while others do the same for theirs."""
+        for at in range(0, len(jobs), self._jobs):
+            beside = jobs[at : at + self._jobs]
+            yield from ((job, seed) for job in beside for seed in seeds[:1])
+            yield from ((job, seed) for job in beside for seed in seeds[1:])
 
     def _holding(self, job: ScenarioJob) -> Shared[Callable[[int], SeedMeasurement]]:
         """What runs a seed, the same thing for all seeds of a scenario."""

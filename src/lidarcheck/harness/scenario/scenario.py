@@ -78,6 +78,11 @@ class Scenario:
         """The rows of the ideal scan as echoes are paired with them."""
         return SortedRows.of(self.ideal)
 
+    def forget(self) -> None:
+        """Let go of what is the same for all seeds; who asks for it again finds it again."""
+        for name in ("surfaces", "rows"):
+            self.__dict__.pop(name, None)
+
     def with_model(self, model: Model) -> Scenario:
         """The same beams and KPIs with another model, and with what is known of the surfaces."""
         other = replace(self, model=model)
