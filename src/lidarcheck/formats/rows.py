@@ -1,18 +1,20 @@
 """The rows of a text file as columns of numbers, piece by piece: a fast path, and a slow one that finds what is odd.
 
 A piece is at most a megabyte of whole lines, so that memory beside the columns is bounded; a longer line is refused.
-The fast path hands a piece to pyarrow, on one thread. Letters there are those of NaN and infinity or stand in columns
-that are left out, so that none of pyarrow's leniency (nulls, quotes, hexadecimal) can apply. What it does not take, the
-slow path reads cell by cell: it names the line and column of what is wrong, or learns which column cannot be read.
+The fast path hands a piece to compiled code, where that is loaded or the file is large, and what this does not take to
+pyarrow, on one thread. Letters there are those of NaN and infinity or stand in columns that are left out, so that none
+of pyarrow's leniency (nulls, quotes, hexadecimal) can apply. What neither takes, the slow path reads cell by cell: it
+names the line and column of what is wrong, or learns which column cannot be read.
 """
 
 from __future__ import annotations
 
 import logging
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +25,9 @@ from lidarcheck.formats.limits import check_rows
 from lidarcheck.formats.names import is_needed, leave_out
 from lidarcheck.formats.source import LONGEST_LINE, long_line
 from lidarcheck.formats.table import Column, quoted
+
+if TYPE_CHECKING:
+    from lidarcheck.formats.compiled_rows import PlainRows
 
 __all__ = ["REAL_COLUMNS", "TextRows", "end_of_rows", "parse_rows", "warn_of_open_end"]
 
@@ -35,6 +40,8 @@ _PLAIN = b"0123456789+-.eE\r\n"
 _NOT_FINITE_LETTERS = b"naifytNAIFYT"
 _TAB_TO_BLANK = bytes.maketrans(b"\t", b" ")
 _BLANK = b" \t\r\n"
+_WORTH_COMPILED, _WORTH_COMPILERS = 4 << 20, 128 << 20
+"""Bytes from which on compiled code is called, and from which on compilers are loaded for it."""
 
 
 Cast = Callable[[str, Column], "Column | tuple[int, str]"]
@@ -84,7 +91,7 @@ def parse_rows(rows: TextRows) -> dict[str, Column]:
     """
     if rows.start >= rows.end:
         return {name: np.empty(0, dtype=np.float64) for name in rows.names}
-    reading = _Reading(rows, {name: GrowingColumn() for name in rows.names})
+    reading = _Reading(rows, {name: GrowingColumn() for name in rows.names}, _compiled(rows))
     for start, end in _pieces(rows):
         reading.read(start, end)
     return {name: column.values for name, column in reading.columns.items()}
@@ -116,6 +123,7 @@ class _Reading:
 
     rows: TextRows
     columns: dict[str, GrowingColumn]
+    compiled: PlainRows | None = None
     odd: set[str] = field(default_factory=set)
     tidied: int = 0
 
@@ -153,13 +161,25 @@ class _Reading:
         leave_out(self.rows.path, name, f"in line {line} it is {why}")
 
     def _fast(self, piece: bytes) -> dict[str, Column] | None:
-        """The columns by pyarrow; None when it does not take them or the slow path has to look."""
+        """The columns by compiled code or pyarrow; None when the slow path has to look."""
         for number, way in enumerate(_tidied(piece, self.rows.delimiter)[self.tidied :], start=self.tidied):
-            columns = fast_columns(way(), self.rows.names, self.rows.delimiter, self.odd)
+            text = way()
+            columns = None if self.compiled is None or self.odd else self.compiled.columns(text)
+            if columns is None:
+                columns = fast_columns(text, self.rows.names, self.rows.delimiter, self.odd)
             if columns is not None:
                 self.tidied = number
                 return columns
         return None
+
+
+def _compiled(rows: TextRows) -> PlainRows | None:
+    """What reads plain rows by compiled code, where they are worth it."""
+    if rows.end - rows.start < (_WORTH_COMPILED if "numba" in sys.modules else _WORTH_COMPILERS):
+        return None
+    from lidarcheck.formats.compiled_rows import PlainRows
+
+    return PlainRows(rows.names, rows.delimiter, [name.casefold() in REAL_COLUMNS for name in rows.names])
 
 
 def _tidied(piece: bytes, delimiter: str) -> list[Any]:
