@@ -11,12 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from budget import examples
+from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import InputError
 from lidarcheck.formats import rows
 from lidarcheck.formats.cells import CellFault, slow_columns
 from lidarcheck.formats.compiled_rows import PlainRows
 from lidarcheck.formats.rows import REAL_COLUMNS, single_blanks
-from lidarcheck.formats.text import read_text
+from lidarcheck.formats.table import Table
+from lidarcheck.formats.text import read_text, rows_as_text
 
 DICE = random.Random(7)
 
@@ -118,3 +120,44 @@ def test_a_file_is_read_alike_with_and_without(
             read.append([str(error)])
     assert read[0] == read[1]
     assert len(read[0]) == (1 if refused else 9)
+
+
+def all_kinds_of_floats() -> FloatArray:
+    """Random bits of both signs, powers of two and of ten and what stands beside these, decimals, whole numbers."""
+    draw = np.random.default_rng(5)
+    bits = draw.integers(0, 2**63 - 1, 20_000).view(np.float64)
+    tens = 10.0 ** np.arange(-323, 309)
+    found = [bits, -bits, 2.0 ** np.arange(-1074, 1024), tens, np.nextafter(tens, 0), np.nextafter(tens, np.inf)]
+    found += [np.round(draw.normal(size=5000) * 50.0, digits) for digits in (1, 4, 6)]
+    found += [np.arange(-20, 20) / 8, draw.integers(0, 2**53, 5000).astype(np.float64), np.array([0.0, -0.0])]
+    every = np.concatenate(found)
+    return np.asarray(every[np.isfinite(every)])
+
+
+@pytest.mark.parametrize("delimiter", [" ", ","])
+@pytest.mark.parametrize("odd", [None, np.nan, -np.inf])
+def test_rows_are_written_to_the_bytes_of_pyarrow(
+    monkeypatch: pytest.MonkeyPatch, delimiter: str, odd: float | None
+) -> None:
+    reals = all_kinds_of_floats()
+    if odd is not None:
+        reals[6000] = odd
+    wholes = np.random.default_rng(6).integers(-(2**63), 2**63 - 1, len(reals))
+    wholes[:60] = np.concatenate(
+        [10 ** np.arange(19), 10 ** np.arange(19) - 1, -(10 ** np.arange(19)), [0, 1, -(2**63)]]
+    )
+    bits = (np.arange(len(reals)) % 2).astype(np.bool_)
+    table = Table({"X": reals, "n": wholes, "few": wholes.astype(np.int16), "Y": reals[::-1], "bit": bits})
+    written = []
+    for least in (0, 1 << 40):
+        monkeypatch.setattr(rows, "_WORTH_COMPILED", least)
+        written.append(rows_as_text(table, delimiter))
+    assert written[0] == written[1]
+    again = [float(line.partition(delimiter.encode())[0]) for line in written[0].splitlines()]
+    assert np.array(again).tobytes() == reals.tobytes()
+
+
+def test_what_compiled_code_does_not_write_is_written_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rows, "_WORTH_COMPILED", 0)
+    table = Table({"large": np.array([2**64 - 1, 0], dtype=np.uint64), "whole": np.array([5.0, 1e20])})
+    assert rows_as_text(table, " ") == b"18446744073709551615 5.0\n0 1e+20\n"

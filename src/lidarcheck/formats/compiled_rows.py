@@ -16,12 +16,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.elementary.compiled import from_bits
+from lidarcheck.elementary.wide import wide_product, zeros_before
 from lidarcheck.formats.growing import EXACT_IN_FLOAT
 from lidarcheck.formats.limits import BYTES_A_CELL
 from lidarcheck.formats.table import Column
@@ -39,32 +37,6 @@ _NONE, _ONE, _FIVE, _TEN, _EXACT = (np.uint64(number) for number in (0, 1, 5, 10
 _ZERO, _MINUS, _POINT, _PLUS, _E, _TO_LOWER = (ord(mark) for mark in "0-.+e ")
 _LINE_END, _RETURN = ord("\n"), ord("\r")
 _TENS = np.array([float(10**power) for power in range(_EXACT_POWER + 1)])
-
-
-def _product(typing_context: Any, one: Any, other: Any) -> Any:
-    """The upper and the lower 64 bits of a product of two numbers of 64 bits."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        wide = ir.IntType(128)
-        product = builder.mul(*(builder.zext(arg, wide) for arg in args))
-        high = builder.trunc(builder.lshr(product, ir.Constant(wide, 64)), ir.IntType(64))
-        return context.make_tuple(builder, signature.return_type, [high, builder.trunc(product, ir.IntType(64))])
-
-    pair: Any = types.UniTuple
-    return pair(types.uint64, 2)(types.uint64, types.uint64), codegen
-
-
-def _leading_zeros(typing_context: Any, number: Any) -> Any:
-    """How many bits stand before the first that is set."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.ctlz(args[0], ir.Constant(ir.IntType(1), 1))
-
-    return types.int64(types.uint64), codegen
-
-
-_wide_product: Any = intrinsic(_product)
-_zeros_before: Any = intrinsic(_leading_zeros)
 
 
 class PlainRows:
@@ -110,12 +82,12 @@ def powers_of_ten() -> Words:
 @inlined
 def _rounded(whole: Any, power: Any, powers: Any) -> Any:
     """The float next to `whole` (above 0) times ten to the power; negative where it is not a normal one."""
-    zeros = _zeros_before(whole)
+    zeros = zeros_before(whole)
     w = whole << np.uint64(zeros)
     row = power - LEAST_POWER
-    high, low = _wide_product(w, powers[row, 0])
+    high, low = wide_product(w, powers[row, 0])
     if high & np.uint64(0x1FF) == np.uint64(0x1FF):
-        more, _ = _wide_product(w, powers[row, 1])
+        more, _ = wide_product(w, powers[row, 1])
         low += more
         high += np.uint64(1) if low < more else np.uint64(0)
     upper = high >> np.uint64(63)

@@ -29,7 +29,7 @@ from lidarcheck.formats.table import Column, quoted
 if TYPE_CHECKING:
     from lidarcheck.formats.compiled_rows import PlainRows
 
-__all__ = ["REAL_COLUMNS", "TextRows", "end_of_rows", "parse_rows", "warn_of_open_end"]
+__all__ = ["REAL_COLUMNS", "TextRows", "end_of_rows", "parse_rows", "warn_of_open_end", "worth_compiled"]
 
 _log = logging.getLogger(__name__)
 
@@ -40,7 +40,7 @@ _PLAIN = b"0123456789+-.eE\r\n"
 _NOT_FINITE_LETTERS = b"naifytNAIFYT"
 _TAB_TO_BLANK = bytes.maketrans(b"\t", b" ")
 _BLANK = b" \t\r\n"
-_WORTH_COMPILED, _WORTH_COMPILERS = 4 << 20, 128 << 20
+_WORTH_COMPILED, _WORTH_COMPILERS = 16 << 20, 128 << 20
 """Bytes from which on compiled code is called, and from which on compilers are loaded for it."""
 
 
@@ -173,9 +173,14 @@ class _Reading:
         return None
 
 
+def worth_compiled(size: int) -> bool:
+    """Whether compiled code saves time with so many bytes of rows."""
+    return size >= (_WORTH_COMPILED if "numba" in sys.modules else _WORTH_COMPILERS)
+
+
 def _compiled(rows: TextRows) -> PlainRows | None:
     """What reads plain rows by compiled code, where they are worth it."""
-    if rows.end - rows.start < (_WORTH_COMPILED if "numba" in sys.modules else _WORTH_COMPILERS):
+    if not worth_compiled(rows.end - rows.start):
         return None
     from lidarcheck.formats.compiled_rows import PlainRows
 

@@ -25,7 +25,7 @@ from lidarcheck.formats.cells import NUMBER, cells_of
 from lidarcheck.formats.growing import EXACT_IN_FLOAT
 from lidarcheck.formats.limits import BYTES_A_CELL, check_rows
 from lidarcheck.formats.names import canonical, is_needed, usable_names, writable_names
-from lidarcheck.formats.rows import REAL_COLUMNS, TextRows, end_of_rows, parse_rows, warn_of_open_end
+from lidarcheck.formats.rows import REAL_COLUMNS, TextRows, end_of_rows, parse_rows, warn_of_open_end, worth_compiled
 from lidarcheck.formats.source import read_lines
 from lidarcheck.formats.table import Column, Table, TextLayout, check_names, counted, quoted
 
@@ -38,6 +38,7 @@ _BLANK = b" \t\r\n"
 _BLANKS = (" ", "\t")
 _NAME_IN_TEXT = re.compile(r"[^\s,;\"]+")
 MOST_COMMENTS = 1000
+_BYTES_A_CELL = 8  # about so many, where it is asked what is worth while
 
 
 def read_text(path: str | os.PathLike[str]) -> Table:
@@ -266,15 +267,29 @@ def check_header(
 
 def rows_as_text(table: Table, delimiter: str) -> bytes:
     """The rows, a line each, that read back as the same values."""
+    if not len(table):
+        return b""
+    columns = [_printable(name, column) for name, column in table.columns.items()]
+    plain = [column for column in columns if not isinstance(column, list) and np.can_cast(column.dtype, np.int64)]
+    plain += [column for column in columns if not isinstance(column, list) and column.dtype == np.float64]
+    if len(plain) < len(columns) or not worth_compiled(len(table) * len(columns) * _BYTES_A_CELL):
+        return _by_pyarrow(columns, delimiter)
+    from lidarcheck.formats.compiled_text import plain_text
+
+    pieces = plain_text([np.asarray(column) for column in columns], delimiter)
+    return b"".join(
+        _by_pyarrow([column[rows] for column in columns], delimiter) if text is None else text for rows, text in pieces
+    )
+
+
+def _by_pyarrow(columns: Sequence[Column | list[str]], delimiter: str) -> bytes:
     import pyarrow as pa
     from pyarrow import csv as arrow_csv
 
-    if not len(table):
-        return b""
-    arrays = [pa.array(_printable(name, column)) for name, column in table.columns.items()]
+    names = [str(number) for number in range(len(columns))]
     stream = io.BytesIO()
     options = arrow_csv.WriteOptions(include_header=False, delimiter=delimiter, quoting_style="none")
-    arrow_csv.write_csv(pa.Table.from_arrays(arrays, names=list(table.columns)), stream, options)
+    arrow_csv.write_csv(pa.Table.from_arrays([pa.array(column) for column in columns], names=names), stream, options)
     return stream.getvalue()
 
 
