@@ -11,7 +11,7 @@ Source: "The PCD (Point Cloud Data) file format", Point Cloud Library documentat
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.formats.atomic import write_bytes
+from lidarcheck.formats.atomic import atomic_write
 from lidarcheck.formats.limits import scan_bytes
 from lidarcheck.formats.pcd_header import ENCODINGS, Encoding, PcdHeader, compose_header, read_header
 from lidarcheck.formats.records import HEADER_BYTES, MOST_PADDING, RecordLayout, packed_columns, text_columns, writable
@@ -33,6 +33,7 @@ Column = npt.NDArray[Any]
 LZF_BEST_RATIO = 88  # a back reference of 3 bytes stands for at most 264
 SIZES = struct.Struct("<II")  # of the compressed block, and of what it holds
 LARGEST_BLOCK = 2**32 - 1
+RECORDS_AT_ONCE = 8192
 
 
 def read_pcd(path: str | Path) -> Table:
@@ -67,7 +68,11 @@ def write_pcd(table: Table, path: str | Path, encoding: Encoding = "binary_compr
         raise UsageError(f"there is no PCD encoding {encoding!r}", fix=f"use one of {', '.join(ENCODINGS)}")
     columns = writable(table, path, _plain_name)
     head = compose_header(columns, len(table), encoding, table.height)
-    write_bytes(path, head + _compose_body(columns, encoding, path))
+    body = _body(columns, encoding, path)
+    with atomic_write(path) as stream:
+        stream.write(head)
+        for part in body:
+            stream.write(part)
 
 
 def _checked_header(file: Path) -> PcdHeader:
@@ -143,21 +148,30 @@ def _plain_name(name: str) -> bool:
     return name != "_" and name.isprintable() and name.split() == [name]
 
 
-def _compose_body(columns: Mapping[str, Column], encoding: str, path: str | Path) -> bytes:
+def _body(columns: Mapping[str, Column], encoding: str, path: str | Path) -> Iterable[bytes | memoryview]:
+    """What follows the header, part by part; `InputError` before the first where it cannot be."""
     if encoding == "ascii":
-        return rows_as_text(Table(columns), " ")
-    little = {name: column.astype(column.dtype.newbyteorder("<")) for name, column in columns.items()}
+        return [rows_as_text(Table(columns), " ")]
+    little = {name: column.astype(column.dtype.newbyteorder("<"), copy=False) for name, column in columns.items()}
     if encoding == "binary":
-        records = np.empty(len(next(iter(little.values()), ())), [(name, c.dtype) for name, c in little.items()])
-        for name, column in little.items():
-            records[name] = column
-        return records.tobytes()
-    plain = b"".join(column.tobytes() for column in little.values())
-    if len(plain) > LARGEST_BLOCK:
-        what = f"binary_compressed holds at most 4 GiB, these columns are {len(plain)} bytes"
+        return _records(little)
+    size = sum(column.nbytes for column in little.values())
+    if size > LARGEST_BLOCK:
+        what = f"binary_compressed holds at most 4 GiB, these columns are {size} bytes"
         raise InputError(what, file=path, fix="write binary instead")
-    packed = _deflate(plain)
-    return SIZES.pack(len(packed), len(plain)) + packed
+    packed = _deflate(b"".join(column.data.cast("B") for column in little.values() if len(column)))
+    return [SIZES.pack(len(packed), size), packed]
+
+
+def _records(columns: Mapping[str, Column]) -> Iterator[memoryview]:
+    """Packed records, as many at a time as stay in the processor's cache."""
+    rows = len(next(iter(columns.values())))
+    records = np.empty(min(rows, RECORDS_AT_ONCE), [(name, column.dtype) for name, column in columns.items()])
+    for start in range(0, rows, RECORDS_AT_ONCE):
+        some = records[: rows - start]
+        for name, column in columns.items():
+            some[name] = column[start : start + len(some)]
+        yield some.view(np.uint8).data
 
 
 def _deflate(plain: bytes) -> bytes:
