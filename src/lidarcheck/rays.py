@@ -36,10 +36,9 @@ class Rays:
     def __post_init__(self) -> None:
         n = len(self.time_s)
         for name, shape in (("origin_m", (n, 3)), ("direction", (n, 3)), ("time_s", (n,)), ("slot", (n,))):
-            column = np.array(getattr(self, name), dtype=np.int32 if name == "slot" else np.float64)
+            column = _settled(getattr(self, name), np.dtype(np.int32 if name == "slot" else np.float64))
             if column.shape != shape:
                 raise UsageError(f"rays: {name} has shape {column.shape}, not {shape}")
-            column.flags.writeable = False
             object.__setattr__(self, name, column)
 
     def __len__(self) -> int:
@@ -47,7 +46,19 @@ class Rays:
 
     def take(self, rows: npt.NDArray[Any]) -> Rays:
         """The rays picked by a mask or by indices."""
-        return Rays(self.origin_m[rows], self.direction[rows], self.time_s[rows], self.slot[rows])
+        picked = [column[rows] for column in (self.origin_m, self.direction, self.time_s, self.slot)]
+        for column in picked:
+            column.flags.writeable = False
+        return Rays(*picked)
+
+
+def _settled(column: Any, kind: np.dtype[Any]) -> npt.NDArray[Any]:
+    """The column as one that nobody writes to: itself where it is such a one already, else a copy."""
+    if isinstance(column, np.ndarray) and column.dtype == kind and column.flags.owndata and not column.flags.writeable:
+        return column
+    copy = np.array(column, dtype=kind)
+    copy.flags.writeable = False
+    return copy
 
 
 @dataclass(frozen=True)

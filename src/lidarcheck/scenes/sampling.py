@@ -99,12 +99,13 @@ def sampled(scene: OpticalCaster, how: Sampling) -> IdealScan:
     further = _behind_optics(scene, rays, hits, 1.0 / n, how) if how.second_hits and scene.optics else []
     if further:
         rows = _Rows._make(np.concatenate(columns) for columns in zip(rows, *further, strict=True))
-    beam = rows.ray // n
-    slot = _rank(beam)
-    if further or n > 1:
-        order = np.lexsort((rows.distance_m, beam))
-        rows, beam, slot = _Rows._make(column[order] for column in rows), beam[order], slot[order]
+    beam = rows.ray // n if n > 1 else rows.ray
     own_rays = n > 1 or how.motion is not None
+    slot = _rank(beam) if own_rays else np.zeros(0, dtype=np.int32)
+    if further or n > 1:
+        order = _order(beam, rows.distance_m)
+        rows, beam = _Rows._make(column[order] for column in rows), beam[order]
+        slot = slot[order] if own_rays else slot
     layer, point = sent.layer[beam], sent.point[beam]
     return IdealScan(
         layer,
@@ -125,8 +126,24 @@ def _rank(beam: IndexArray) -> npt.NDArray[np.int32]:
     """Rank of each row among those of its beam: its sub-beams' own rows first, what mirrors and panes add behind."""
     order = np.argsort(beam, kind="stable")
     rank = np.empty(len(beam), dtype=np.int32)
-    rank[order] = np.arange(len(beam)) - np.searchsorted(beam[order], beam[order])
+    count = np.bincount(beam)
+    rank[order] = np.arange(len(beam)) - np.repeat(np.cumsum(count) - count, count)
     return rank
+
+
+def _order(beam: IndexArray, distance_m: FloatArray) -> IndexArray:
+    """The order of the rows by beam, those of a beam by distance, equal ones as they stand.
+
+    Single rows of beams come in order of beam; only the others are sorted.
+    """
+    count = np.bincount(beam)
+    alone = count[beam] == 1
+    others = np.flatnonzero(~alone)
+    order = np.empty(len(beam), dtype=np.int64)
+    place = np.repeat(count, count) == 1
+    order[place] = np.flatnonzero(alone)
+    order[~place] = others[np.lexsort((distance_m[others], beam[others]))]
+    return order
 
 
 class _Ways(NamedTuple):
