@@ -166,7 +166,10 @@ def _behind_optics(scene: OpticalCaster, rays: Rays, hits: Hits, share: float, h
     The light passes them on its way there and back again, so that it keeps the square of one passage's share; the range
     equation holds for the length of the unfolded way, since a flat mirror's image is as large as the thing.
     """
-    ways = [_Ways(np.arange(len(rays)), rays, hits, np.zeros(len(rays)), np.full(len(rays), share))]
+    passing = np.flatnonzero(np.isin(hits.material_id, list(scene.optics)))
+    first = Hits(*(getattr(hits, name)[passing] for name in Hits.__dataclass_fields__))
+    n = len(passing)
+    ways = [_Ways(passing, rays.take(passing), first, np.zeros(n), np.full(n, share))]
     found: list[_Rows] = []
     for _ in range(_SURFACES):
         ways = [further for way in ways for further in _next_legs(scene, way, how)]
