@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from numpy._core._multiarray_umath import __cpu_dispatch__ as OPTIONAL
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -38,6 +39,7 @@ print(json.dumps(found))
 """
 
 
+@pytest.mark.long  # all kernels are compiled anew for the other processor
 def test_echoes_and_kpis_are_the_same_to_the_last_bit(tmp_path: Path) -> None:
     here, there = measured({}), measured({**OLD, "LIDARCHECK_CACHE": str(tmp_path)})
     assert here.pop("exp") != there.pop("exp"), "the other processor was not put on: numpy's own exp is the same"
