@@ -245,9 +245,9 @@ def test_simulate_and_calibrate_start_from_the_palette(project):
         await sees(app, pilot, "SLIM.toml: an earlier session ended with 3 lines not saved")
         await pilot.press("b")
         await says(app, pilot, "3 lines brought back")
-        (file,) = app.commands.models.files()
-        assert file.undo() == "take over calibrate, run 3"
-        assert file.content == before
+        (editor,) = app.commands.models.editors()
+        assert editor.file.undo() == "take over calibrate, run 3"
+        assert editor.file.content == before
 
     drive(app_on(project), again)
 

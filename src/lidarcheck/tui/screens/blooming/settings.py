@@ -57,8 +57,11 @@ class SettingsEditor(Editor[EditedSettings]):
             self.ask_back()
 
     def in_force(self) -> Settings | None:
-        """What profiles are made with; None for the defaults."""
-        return None if self.file is None else self.file.in_force
+        """What profiles are made with, those of the baseline while that is shown; None for the defaults."""
+        if self.file is None:
+            return None
+        shown = self.view.host.session.content_shown(self.file)
+        return self.file.in_force if shown == self.file.content else self.file.parsed(shown)
 
     def all_unsaved(self) -> int:
         """Values that are edited and not saved, of all variants and directions."""
