@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import inspect
 import logging
 import os
 import signal
 import threading
-from collections.abc import Callable
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, ClassVar
@@ -17,7 +15,6 @@ from typing import Any, ClassVar
 from textual import events
 from textual.app import ComposeResult
 from textual.driver import Driver
-from textual.message import Message
 from textual.widgets import ContentSwitcher
 
 from lidarcheck.errors import LidarcheckError
@@ -73,13 +70,6 @@ class LidarcheckApp(Everywhere):
     #log.shown { display: block; }
     """
 
-    class Soon(Message):
-        """Something that a thread wants done in the interface's own."""
-
-        def __init__(self, do: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-            super().__init__()
-            self.do, self.arguments = do, arguments
-
     ALLOW_SELECT: ClassVar[bool] = False
 
     def __init__(
@@ -103,15 +93,9 @@ class LidarcheckApp(Everywhere):
         self.state = load_state(root)
         self.choice = Choice(self.state.selected)
         self.numbers = Numbers(
-            self.project,
-            self.session,
-            self.choice,
-            self.set_timer,
-            self.soon,
-            self.say,
-            self._wait,
+            self.project, self.session, self.choice, self.set_timer, self.soon, self.say, self._wait,
             on=worker is not None,
-        )
+        )  # fmt: skip
         self.state.marks = marks or self.state.marks
         self.marks = level_of(self.state.marks, os.environ)
         self.animation_level = "none"
@@ -303,19 +287,6 @@ class LidarcheckApp(Everywhere):
     def note(self, text: str, bad: bool) -> None:
         """A line for the log alone."""
         self.bars.note(self.inside(text), bad)
-
-    def soon(self, do: Callable[..., Any], *arguments: Any) -> None:
-        """Do something in the interface's own thread; from any thread, also when the interface has ended."""
-        with contextlib.suppress(RuntimeError):
-            self.post_message(self.Soon(do, arguments))
-
-    async def on_lidarcheck_app_soon(self, message: Soon) -> None:
-        """What a thread has asked for; nothing any more while the interface ends and its panes are going."""
-        if not self.is_running:
-            return
-        done = message.do(*message.arguments)
-        if inspect.isawaitable(done):
-            await done
 
     def action_help_quit(self) -> None:
         """Ctrl+C is no way out of an editor."""

@@ -6,7 +6,6 @@ from abc import abstractmethod
 from typing import Any
 
 from textual import events
-from textual.app import App
 from textual.errors import NoWidget
 from textual.geometry import Offset
 
@@ -15,6 +14,7 @@ from lidarcheck.tui.bars import Bars
 from lidarcheck.tui.entries import Entry, entry_at
 from lidarcheck.tui.palette import Menu
 from lidarcheck.tui.screens.shared.view import View
+from lidarcheck.tui.threaded import Threaded
 from lidarcheck.tui.widgets.lines import Lines
 from lidarcheck.tui.widgets.overlay import Dialog, Overlay
 
@@ -26,7 +26,7 @@ _GROUPS = ("%", "@", "")
 """What the chooser begins with at each group of the second line: file and model, measurement and distance, number."""
 
 
-class Mouse(App[int]):
+class Mouse(Threaded):
     """An app whose lines and lists can be clicked."""
 
     bars: Bars
