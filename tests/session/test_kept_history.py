@@ -32,6 +32,14 @@ def test_edits_are_read_in_their_order_with_what_became_of_them(tmp_path):
     assert found["key"] == number(2.0).key
     # A line that is none, and one that was not finished, take nothing with them.
     with path.open("a") as file:
+        for bad in (
+            {"began": float("inf"), "edit": 1},
+            {"began": 1, "edit": float("inf"), "undone": True},
+            {"began": 1, "edit": 1, "when": "x", "number": found},
+            {"began": 1, "edit": 1, "when": 1, "file": "", "what": "", "number": {**found, "difference": "x"}},
+            {"began": 1, "edit": 1, "when": 1, "file": "", "what": "", "number": {**found, "value": float("nan")}},
+        ):
+            file.write(json.dumps(bad) + "\n")
         file.write(json.dumps({"began": "x"}) + "\n" + json.dumps({"began": 1, "edit": 1, "number": 3}) + "\n{")
     assert len(read_history(tmp_path)) == 2
     kept.moved(10.0, 2, undone=False)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -24,6 +25,8 @@ _NAME = "history.jsonl"
 _MOST_BYTES = 4_000_000
 _KEPT = ("kind", "value", "low", "high", "key")
 """What is kept of a number."""
+_LAST_S = 1e11
+"""No clock shows as much [s since the epoch]."""
 
 
 @dataclass
@@ -87,15 +90,29 @@ def read_history(root: Path) -> list[NotedEdit]:
     """What was noted in a project, in the order of the edits; nothing where there is no file."""
     found: dict[tuple[float, int], NotedEdit] = {}
     for record in read_journal(own_directory(root) / _NAME):
-        with contextlib.suppress(KeyError, TypeError, ValueError):
-            key = float(record["began"]), int(record["edit"])
+        with contextlib.suppress(KeyError, TypeError, ValueError, OverflowError):
+            key = _moment(record["began"]), int(record["edit"])
             one = found.setdefault(key, NotedEdit(*key))
             if "undone" in record:
                 one.undone = bool(record["undone"])
                 continue
-            number = dict(record["number"])
-            name, kind = str(number["measurement"]), str(number["kind"])
-            number["value"] = float(number["value"])
-            one.when, one.file, one.what = float(record["when"]), str(record["file"]), str(record["what"])
-            one.numbers[name, kind] = number
+            number = _number(record["number"])
+            one.when, one.file, one.what = _moment(record["when"]), str(record["file"]), str(record["what"])
+            one.numbers[number["measurement"], number["kind"]] = number
     return [found[key] for key in sorted(found) if found[key].numbers]
+
+
+def _number(kept: Mapping[str, Any]) -> dict[str, Any]:
+    """What was kept of a number; anybody may have written the file."""
+    words = {name: str(kept[name]) for name in ("measurement", "kind", "key", "word") if name in kept}
+    values = {name: float(kept[name]) for name in ("value", "low", "high", "difference") if kept.get(name) is not None}
+    if not {"measurement", "kind", "value"} <= {*words, *values} or not all(map(math.isfinite, values.values())):
+        raise ValueError("no number")
+    return {**words, **values}
+
+
+def _moment(seconds: Any) -> float:
+    moment = float(seconds)
+    if not 0.0 <= moment < _LAST_S:
+        raise ValueError("no moment")
+    return moment
