@@ -48,6 +48,10 @@ def test_no_word_or_number_is_cut_at_any_width(state):
         assert len(line) <= max(width, len(f"sign 69 m | gap 1.84 sd  {state}")), (width, line)
         assert set(re.split(r"[ |]+", line)) <= whole, (width, line)
         assert "gap 1.84 sd" in line
+    for width in range(10, 40):
+        line = text(context, width)
+        assert set(re.split(r"[ |]+", line)) <= whole, (width, line)
+        assert state == "current" or state in line
 
 
 def test_what_an_edit_did_is_said_of_all_distances():

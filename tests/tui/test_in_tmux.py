@@ -85,8 +85,8 @@ def test_from_a_fresh_project_to_a_fitted_table_that_is_better_and_saved(tmux, t
     wait(lambda: re.search(r"^table.ini \*8 \| .* edit -[\d.]+ better", tmux.text, re.MULTILINE), lambda: tmux.text)
     assert lut.read_text() == before
     tmux.keys("S")
-    tmux.sees("Save table.ini")
-    tmux.keys("y")
+    tmux.sees("Save 8 rows to table.ini?")
+    tmux.keys("Enter")
     wait(lambda: lut.read_text() != before and "table.ini *" not in tmux.text, lambda: tmux.text)
     [fitted] = (folder.parent / ".lidarcheck/tui/runs").glob("*/out/table.ini")
     assert lut.read_text() == fitted.read_text()

@@ -67,6 +67,8 @@ def context_line(context: Context, width: int) -> Line:
         part = min(going, key=lambda part: part.goes)
         at = parts.index(part)
         parts[at : at + 1] = [part._replace(text=part.short, short="", goes=_FILE_GOES)] if part.short else []
+    while len(parts) > 1 and _length(parts) > width:
+        parts.pop(0)  # a number is whole or not there, and its state stays longest
     return _joined(parts)
 
 
