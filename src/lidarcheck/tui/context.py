@@ -69,6 +69,7 @@ def context_line(context: Context, width: int) -> Line:
         parts[at : at + 1] = [part._replace(text=part.short, short="", goes=_FILE_GOES)] if part.short else []
     while len(parts) > 1 and _length(parts) > width:
         parts.pop(0)  # a number is whole or not there, and its state stays longest
+        parts[0] = parts[0]._replace(text=parts[0].text.lstrip())
     return _joined(parts)
 
 
