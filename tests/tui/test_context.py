@@ -38,6 +38,12 @@ def test_it_is_as_drawn_at_the_widths_that_terminals_have():
     assert text(none, 80) == "vert.ini *3 SLIM | sign 69 m 2/3 | none: no ideal scan"
 
 
+def test_a_long_reason_is_cut_between_words():
+    none = replace(WIRED, known=Known("none: model.toml: PandarXT-32 does not bloom, as its beams have receivers"))
+    assert text(none, 80) == "vert.ini *3 SLIM | sign 69 m 2/3 | none: model.toml: .."
+    assert text(none, 160).endswith("beams have receivers")
+
+
 @pytest.mark.parametrize("state", ["current", "OLD, of edit 12", "failed: the disk is full"])
 def test_no_word_or_number_is_cut_at_any_width(state):
     context = replace(WIRED, file="vertical_of_the_sign_lut.ini", known=replace(NOW, state=state))

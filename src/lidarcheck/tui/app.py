@@ -8,6 +8,7 @@ import logging
 import os
 import signal
 import threading
+from dataclasses import replace
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, ClassVar
@@ -170,7 +171,9 @@ class LidarcheckApp(Everywhere):
     def show_context(self) -> None:
         """The second line, as it is now."""
         width = self._columns or self.size.width
-        self.bars.context.show([self.view.context_line(width) or context_line(self.numbers.context(), width)])
+        context = self.numbers.context()
+        context = replace(context, known=replace(context.known, state=self.inside(context.known.state)))
+        self.bars.context.show([self.view.context_line(width) or context_line(context, width)])
 
     def _listen(self) -> None:
         """End well when told to, and at once when the terminal is gone."""

@@ -28,6 +28,8 @@ __all__ = [
 BEFORE_FROM, COURSE_FROM = 100, 116
 """Columns from which on the number before stands in the line, and its course and the state."""
 _MOST_COURSE, _NARROW, _FILE_GOES = 20, 79, 9
+_WHY, _BESIDE_WHY = 30, 50
+"""Columns that a state with a reason has at least, and those that are left for all else."""
 _LEVELS = ".-=#"
 
 
@@ -103,7 +105,7 @@ def _looked_at(context: Context, width: int) -> list[_Part]:
 def _number(context: Context, width: int) -> list[_Part]:
     known, number = context.known, context.known.number
     wide = width >= BEFORE_FROM
-    state = _Part(known.state, "edited", 0)
+    state = _Part(_short(known.state, max(_WHY, width - _BESIDE_WHY)), "edited", 0)
     if number is None:
         return [state._replace(first=True)]
     parts = [_Part(f"{context.kind} {number_text(number)} sd", "focus", 0, first=True)]
@@ -119,7 +121,12 @@ def _number(context: Context, width: int) -> list[_Part]:
     if width >= COURSE_FROM:
         course = _Part(course_of(context.course), "dim", 1, first=True)
         return [*parts, _Part(start, "text", 4), course, state._replace(first=True)]
-    return [*parts, state._replace(text=f" {known.state}") if known.state != CURRENT else _Part(start, "text", 4)]
+    return [*parts, state._replace(text=f" {state.text}") if known.state != CURRENT else _Part(start, "text", 4)]
+
+
+def _short(state: str, room: int) -> str:
+    """A state whose reason is long, cut between words: Overview has it in full."""
+    return state if len(state) <= room else f"{state[: room - 2].rpartition(' ')[0]} .."
 
 
 def _joined(parts: Sequence[_Part]) -> Line:
