@@ -123,7 +123,7 @@ async def computed(app: LidarcheckApp, pilot: Pilot[int]) -> None:
 async def histograms(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     """The histograms of AREA."""
     await computed(app, pilot)
-    await pilot.press("n")
+    await pilot.press(*"nnn")  # AREA is the second feature
 
 
 async def with_model(app: LidarcheckApp, pilot: Pilot[int]) -> None:

@@ -19,6 +19,7 @@ __all__ = [
     "chosen_model",
     "features_of",
     "features_of_models",
+    "free_models",
     "likely_model",
     "model_after",
     "models_of_sensor",
@@ -44,9 +45,14 @@ def chosen_model(project: Project, wanted: str, beside: Path, variant: str = "")
         return None
     models = project.of("model")
     named = next((entry for entry in models if entry.name == wanted and suits(entry, variant)), None)
+    return named or likely_model(free_models(project, beside), beside, variant)
+
+
+def free_models(project: Project, beside: Path) -> list[Entry]:
+    """The models that a measurement in the directory `beside` may be meant with: not those of cases elsewhere."""
+    models = project.of("model")
     cases = {case.path.parent for case in project.of("case", sound=False)} - {beside}
-    free = [entry for entry in models if entry.path.parent not in cases]  # the others are those cases' own
-    return named or likely_model(free or models, beside, variant)
+    return [entry for entry in models if entry.path.parent not in cases] or models
 
 
 def suits(model: Entry, variant: str) -> bool:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from textual import events
 from textual.app import ComposeResult
 
+from lidarcheck.session.model_choice import free_models
+from lidarcheck.session.project import Entry
 from lidarcheck.tui.chooser import Opening
 from lidarcheck.tui.jobs.job import Computed, Job
 from lidarcheck.tui.jobs.vehicles import Group, groups_of, job_of, options_of, source_of
@@ -68,16 +70,19 @@ class Histograms(PageView):
 
     def jobs(self) -> list[Job]:
         """A job for each vehicle and variant, those that can be computed first."""
-        project = self.host.project
-        models = project.of("model")
-        found = [(group, job_of(group, self._source(group), models)) for group in groups_of(project)]
+        groups = groups_of(self.host.project)
+        found = [(group, job_of(group, self._source(group), self._models(group))) for group in groups]
         found.sort(key=lambda pair: bool(pair[1].fault))
         self._vehicles = [group for group, _ in found]
         return [job for _, job in found]
 
     def _source(self, group: Group) -> str:
         """What a group is compared with: as chosen, else the likeliest."""
-        return source_of(group, self.host.project.of("model"), self.host.choice.of("model"))
+        return source_of(group, self._models(group), self.host.choice.of("model"))
+
+    def _models(self, group: Group) -> list[Entry]:
+        """The models that a group may be simulated with."""
+        return free_models(self.host.project, group.measurements[0].path.parent)
 
     def compose(self) -> ComposeResult:
         """Below the plots, where there is room for one of them, the numbers of all features."""
@@ -192,7 +197,7 @@ class Histograms(PageView):
     def action_next_source(self) -> None:
         """Compare with the simulated files, or with the next model."""
         group = self._vehicles[self.at] if self._vehicles else None
-        options = [] if group is None else options_of(group, self.host.project.of("model"))
+        options = [] if group is None else options_of(group, self._models(group))
         if group is None or not options:
             self.say("there is nothing to compare with: neither simulated files, nor ideal scans and a model")
             return
