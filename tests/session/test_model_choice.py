@@ -2,7 +2,13 @@
 
 from pathlib import Path
 
-from lidarcheck.session.model_choice import features_of_models, models_of_sensor, other_sensors, sensor_of_models
+from lidarcheck.session.model_choice import (
+    features_of_models,
+    free_models,
+    models_of_sensor,
+    other_sensors,
+    sensor_of_models,
+)
 from lidarcheck.session.project import read_project
 
 MODEL = 'variant = "{}"\n[materials.1]\nname = "panel"\nreflectance = 0.5\n'
@@ -41,3 +47,12 @@ def test_the_features_to_look_at_are_those_of_the_sensors(tmp_path):
     assert features_of_models(found[2:]) == ("CONFIDENCE", "range")
     assert features_of_models(found) == ("AREA", "PEAK", "WIDTH", "REFLECTIVITY", "CONFIDENCE", "range")
     assert features_of_models([]) == ()
+
+
+def test_a_cases_own_model_is_meant_for_the_case_alone(tmp_path):
+    (tmp_path / "case").mkdir()
+    (tmp_path / "case/case.toml").write_text('model = "model.toml"\n[[frames]]\nideal = "i"\nmeasured = "m"\n')
+    (tmp_path / "case/model.toml").write_text(MODEL.format("SLIM"))
+    found = project(tmp_path, a="SLIM")
+    assert [one.name for one in free_models(found, tmp_path)] == ["a.toml"]
+    assert [one.name for one in free_models(found, tmp_path / "case")] == ["a.toml", "case/model.toml"]

@@ -2,7 +2,9 @@
 
 import pytest
 
+from lidarcheck.tui.actions import SCREENS
 from lidarcheck.tui.app import LidarcheckApp
+from lidarcheck.tui.screens.overview.measured import screen_of
 from tui_kit import app_on, drive, fake_check, make_project, says, sees, text_of, until
 
 
@@ -64,3 +66,20 @@ def test_all_are_run_and_a_run_is_stopped(project):
         return fake_check(paths, progress, 0.15)
 
     drive(LidarcheckApp(project, check=slow), do)
+
+
+def test_each_kind_of_measurement_has_a_screen():
+    kinds = (
+        "profile",
+        "sign",
+        "scan",
+        "frames",
+        "case",
+        "bag",
+        "car",
+        "van",
+        "truck",
+        "data set",
+        "a class of its own",
+    )
+    assert {screen_of(kind) for kind in kinds} <= set(SCREENS)
