@@ -131,7 +131,7 @@ def seconds(tree: Path, arguments: Sequence[str], place: Path) -> float:
     run = subprocess.run(
         [sys.executable, *arguments], cwd=tree, env=environment, capture_output=True, text=True, check=False
     )
-    if run.returncode not in (0, 1):
+    if run.returncode:
         sys.exit(f"{arguments}: {run.stderr[-2000:]}")
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if "sample(request)" in arguments[1]:

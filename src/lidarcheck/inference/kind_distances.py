@@ -65,14 +65,15 @@ def _cells(
     value = np.concatenate([features_of(s) for s in samples]) / np.array([slot.of_one for slot in beams.view.slots])
     first = np.arange(len(cell)) < len(one.extra_beam)
     order = np.argsort(value, axis=0, kind="stable")
+    ascending = [(value[at, j], at, first[at]) for j, at in enumerate(order.T)]
+    sides = [np.flatnonzero((cell >= 0) & side) for side in (first, ~first)]
     found, scratch = [], np.empty((5, CELLS))
     for weight in weights:
-        each, used = weight[beam], cell >= 0
-        mine, theirs = (np.bincount(cell[used & s], each[used & s], CELLS) for s in (first, ~first))
+        each = weight[beam]
+        mine, theirs = (np.bincount(cell[rows], each[rows], CELLS) for rows in sides)
         apart = np.empty((CELLS, value.shape[1]))
-        for j in range(value.shape[1]):
-            at = order[:, j]
-            areas_between(value[at, j], at, first[at], cell, each, scratch)
+        for j, ordered in enumerate(ascending):
+            areas_between(*ordered, cell, each, scratch)
             apart[:, j] = scratch[4]
         found.append((np.minimum(mine, theirs / len(others)), apart))
     return found

@@ -151,10 +151,10 @@ class Scale:
         one = replace(one, feature=one.feature - np.outer(longer_m, np.arange(len(FEATURES)) == 0))
         parts = np.zeros((len(weights), len(PARTS)))
         parts[:, :4] = self._shifts(one, others, weights)
+        cells = [range_bin(each.extra_m) for each in (one, *others)]
         for stratum in self.strata:
-            for i, weight in enumerate(weights):
-                parts[i, 4] += self._losses(stratum, one, others, weight)
-                parts[i, 5] += self._strays(stratum, one, others, weight)
+            parts[:, 4] += [self._losses(stratum, one, others, weight) for weight in weights]
+            parts[:, 5] += self._strays(stratum, (one, *others), cells, weights)
         parts /= max(len(self.strata), 1)
         total = np.array([weight.sum() for weight in weights])
         unlike = unlike_echoes(self.beams, one, others, weights)
@@ -197,22 +197,29 @@ class Scale:
         return float((count * np.abs(p - q) / spread).sum() / max(count.sum(), 1e-9))
 
     def _strays(
-        self, stratum: IndexArray, one: Observations, others: Sequence[Observations], weight: FloatArray
-    ) -> float:
-        """Mean over strata of the differences in the rate of other echoes, summed over bins of their range."""
+        self,
+        stratum: IndexArray,
+        samples: Sequence[Observations],
+        cells: Sequence[IndexArray],
+        weights: Sequence[FloatArray],
+    ) -> list[float]:
+        """Mean over strata of the differences in the rate of other echoes between the first of the samples and the
+        others, summed over bins of their range, which `cells` are; one for each of the beams' weights."""
         used = stratum >= 0
-        bins, cells = int(stratum.max()) + 1, len(RANGE_EDGES_M)
-        count = np.bincount(stratum[used], weight[used], bins)
-
-        def rates(observations: Observations) -> FloatArray:
-            mine = used[observations.extra_beam]
-            beam = observations.extra_beam[mine]
-            cell = range_bin(observations.extra_m[mine])
-            return np.bincount(stratum[beam] * cells + cell, weight[beam], bins * cells).astype(np.float64)
-
-        difference = np.abs(rates(one) - sum(rates(o) for o in others) / len(others)).reshape(bins, cells)
-        # A bin in which one echo in five beams is other has a spread of its own.
-        return float(difference.sum() / max(count.sum(), 1e-9) / _RATE_SPREAD)
+        bins, ranges = int(stratum.max()) + 1, len(RANGE_EDGES_M)
+        placed = []
+        for sample, cell in zip(samples, cells, strict=True):
+            mine = used[sample.extra_beam]
+            beam = sample.extra_beam[mine]
+            placed.append((beam, stratum[beam] * ranges + cell[mine]))
+        found = []
+        for weight in weights:
+            count = np.bincount(stratum[used], weight[used], bins)
+            own, *rates = (np.bincount(place, weight[beam], bins * ranges).astype(np.float64) for beam, place in placed)
+            difference = np.abs(own - sum(rates) / len(rates))
+            # A bin in which one echo in five beams is other has a spread of its own.
+            found.append(float(difference.reshape(bins, ranges).sum() / max(count.sum(), 1e-9) / _RATE_SPREAD))
+        return found
 
 
 def _apart_in(
