@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba import types
 
 __all__ = ["base_directory", "cache_directory", "inlined", "kernel", "source_hash"]
 
@@ -137,8 +138,15 @@ class CachePlace:
 
 
 _PLACES = f"{__name__}.{CachePlace.__name__},UserProvidedCacheLocator"
-_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
-"""No reference counts: kernels allocate nothing, and counting the arrays they pass took a third of their time."""
+_OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "_nrt": False,
+    "no_cfunc_wrapper": True,
+}
+"""No reference counts: kernels allocate nothing, and counting the arrays they pass took a third of their time. No entry
+for callers in C: there are none."""
 
 
 def kernel(function: _F) -> _F:
@@ -162,4 +170,17 @@ def _compiled(function: _F, *, inline: str) -> _F:
         compiled: Any = numba.njit(**{**_OPTIONS, "inline": inline})(function)
     finally:
         settings.CACHE_DIR, settings.CACHE_LOCATOR_CLASSES = before
+    _compile_alike(compiled)
     return cast(_F, compiled)
+
+
+def _compile_alike(compiled: Any) -> None:
+    """Take a literal, such as 0, for any number of its type: a kernel is else compiled once more for it."""
+    template, plain = getattr(compiled, "get_call_template", None), cast(Any, types.unliteral)
+    if template is None:  # the GPU's simulator runs plain Python
+        return
+
+    def of_plain_types(args: Any, keywords: Any) -> Any:
+        return template(tuple(map(plain, args)), {name: plain(kind) for name, kind in dict(keywords).items()})
+
+    compiled.get_call_template = of_plain_types
