@@ -83,9 +83,13 @@ class Terminal:
         os.write(self.end, keys)
 
     def cost(self, keys, still=1.0, most=60.0):
-        """Bytes that keys bring about."""
+        """Bytes that keys bring about; a busy machine may take a while until the first."""
+        before = self.sent
         self.press(keys)
-        return self.quiet(still, most)
+        if keys:
+            self.read(max(still, 5.0))
+        self.quiet(still, most)
+        return self.sent - before
 
     def echo(self, keys, seconds=1.0):
         """How long until the first byte after keys [ms]; NaN for none."""
