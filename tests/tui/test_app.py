@@ -143,6 +143,13 @@ def test_keys_in_one_go_with_a_screens_key_act_on_that_screen(project):
         await until(pilot, lambda: view.file.current.tables[view.axis].rows()[0].scaled == before + 1)
         assert overview.fallen_only
         assert app.view is view
+        # And with the key of a pane on that pane.
+        curve = view.curve_pane()
+        await until(pilot, lambda: curve.drawn is not None)
+        for key, character in (("tab", "\t"), ("plus", "+")):
+            app.post_message(events.Key(key, character))
+        await until(pilot, lambda: curve.look.zoomed)
+        assert scaled(view, 0) == before + 1
 
     drive(app_on(project), do)
 

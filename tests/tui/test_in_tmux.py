@@ -37,11 +37,13 @@ def test_an_edit_outlives_resizing_detaching_and_a_hang_up(tmux, tmp_path):  # n
     tmux.keys("Down", "Down", "Down", "4", "5", "5", "Enter")
     wait(lambda: row_of(tmux.text), lambda: tmux.text)
     first = row_of(tmux.text)
-    # Resized while something is computed: nothing is lost, and the cursor is in the same row.
+    tmux.keys("Tab", "+")
+    tmux.sees("Curve x 2")
+    # Resized while something is computed: nothing is lost, the cursor is in the same row, and what is zoomed stays so.
     for size in ((120, 36), (60, 20), (30, 8), (80, 24)):
         tmux.resize(*size)
         time.sleep(0.3)
-    wait(lambda: row_of(tmux.text) == first, lambda: tmux.text)
+    wait(lambda: row_of(tmux.text) == first and "Curve x 2" in tmux.text, lambda: tmux.text)
     # Attached by two terminals one after the other: the second one sees what the first one saw.
     for _ in range(2):
         terminal = Terminal([*tmux.words, "attach", "-t", "t"], (80, 25))

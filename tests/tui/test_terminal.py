@@ -4,6 +4,7 @@ ASCII and no report of a moving mouse where the terminal has none; whatever is p
 
 import os
 import re
+import signal
 import sys
 
 import pytest
@@ -114,6 +115,15 @@ def test_ascii_alone_where_the_terminal_has_no_more(start):
 def test_small_sizes_cut_no_word_and_have_every_box(start):
     terminal = start("--screen", "overview", size=(79, 12))
     settled(terminal)
+    # Sizes that it never got to see have cut what stood there, though it has its own again.
+    before = words(terminal.screen)
+    os.kill(terminal.child, signal.SIGSTOP)
+    for size in ((30, 8), (79, 12)):
+        terminal.resize(*size)
+    terminal.screen = Screen(79, 12)
+    os.kill(terminal.child, signal.SIGCONT)
+    waited = terminal.until(lambda screen: words(screen) == before, 10.0)
+    assert waited == waited, words(terminal.screen)
     for columns in (79, 40, 20):
         if columns < 79:
             terminal.screen = Screen(columns, 12)

@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 from textual import events
 from textual.app import ComposeResult
 from textual.driver import Driver
+from textual.geometry import Size
 from textual.widgets import ContentSwitcher
 
 from lidarcheck.errors import LidarcheckError
@@ -90,7 +91,7 @@ class LidarcheckApp(Everywhere):
         self.reads = 0
         self.session = Session(Store(disk=DiskStore(root)), worker, KeptHistory(root))
         self._told = False
-        self._columns = 0
+        self._columns, self._last_size = 0, Size(0, 0)
         self.state = load_state(root)
         self.choice = Choice(self.state.selected)
         self.numbers = Numbers(
@@ -333,6 +334,9 @@ class LidarcheckApp(Everywhere):
     def on_resize(self, event: events.Resize) -> None:
         """Bars are cut to the new width."""
         self._forget_terminal()  # which may have moved or cut what it showed
+        if event.size == self._last_size:
+            self.screen.refresh()  # sizes in between that nobody saw here may have as well
+        self._last_size = event.size
         if self.bars.top.is_mounted:
             self._columns = event.size.width
             self._bars()

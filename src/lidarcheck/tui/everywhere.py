@@ -252,7 +252,8 @@ class Everywhere(Mouse):
         panes = [pane for pane in [*self.view.panes(), log] if pane.display]  # sizes come a moment after a screen
         if panes:
             at = panes.index(self.focused) if self.focused in panes else -by
-            panes[(at + by) % len(panes)].focus()
+            # At once, as with a screen: keys that came in one go with this one are for the new pane.
+            self.screen.set_focus(panes[(at + by) % len(panes)])
 
     def action_zoom_pane(self) -> None:
         """The focused pane on the whole screen, or all panes again."""
