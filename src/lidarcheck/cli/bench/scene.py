@@ -24,6 +24,7 @@ __all__ = ["hills", "lab_frame", "lab_model", "signs_frame", "sized_frame", "wri
 HEIGHT_M, WALL_M, CEILING_M = 1.8, 85.0, 6.0
 PANELS_M = np.arange(5.0, 81.0, 5.0)
 SIGNS_M = (25.0, 45.0, 70.0)
+ECHOES = 4
 MATERIALS = {
     1: Material("panel 10 %", 0.1),
     2: Material("panel 50 %", 0.5),
@@ -150,16 +151,16 @@ def hills(triangles: int) -> tuple[trimesh.Trimesh, SceneObject]:
 
 
 def write_rows(path: Path, rows: int) -> None:
-    """A CloudCompare text file of nine columns, as a sensor writes it."""
+    """A CloudCompare text file of nine columns, as a sensor writes it: about so many rows, four echoes a beam."""
+    from lidarcheck.formats.table import Table
+    from lidarcheck.formats.text import write_text
+
+    beams = reference_beams()
+    layer, point = (np.repeat(number[: rows // ECHOES], ECHOES) for number in beams.every())
     draw = np.random.Generator(np.random.Philox(1))
-    block, beams = 20_000, reference_beams()
-    xyz = draw.uniform(-80.0, 80.0, (block, 3))
-    whole = draw.integers([[0, 0, 1, 5, 50, 10]], [[beams.points, beams.layers, 4, 40, 1300, 136]], (block, 6))
-    text = "".join(
-        f"{x:.4f} {y:.4f} {z:.4f} {point} {layer} {echo} {width} {area} {peak}\n"
-        for (x, y, z), (point, layer, echo, width, area, peak) in zip(xyz.tolist(), whole.tolist(), strict=True)
-    )
-    with path.open("w", encoding="ascii") as stream:
-        stream.write(f"//X Y Z Point Layer EchoNumber WIDTH AREA PEAK\n{rows}\n")
-        for _ in range(rows // block):
-            stream.write(text)
+    number = np.tile(np.arange(1, ECHOES + 1), len(layer) // ECHOES)
+    range_m = 40.0 * (number - draw.uniform(0.1, 0.9, len(number)))
+    xyz = np.round(beams.directions(layer, point) * range_m[:, None], 4)
+    width, area, peak = draw.integers([[5], [50], [10]], [[40], [1300], [136]], (3, len(layer)))
+    told = {"Point": point, "Layer": layer, "EchoNumber": number, "WIDTH": width, "AREA": area, "PEAK": peak}
+    write_text(Table({**dict(zip("XYZ", xyz.T, strict=True)), **told}), path)
