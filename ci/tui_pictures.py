@@ -126,17 +126,9 @@ async def histograms(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     await pilot.press(*"nnn")  # AREA is the second feature
 
 
-async def with_model(app: LidarcheckApp, pilot: Pilot[int]) -> None:
-    """The same with the project's own model, where the screen asks which of two is meant."""
-    view = cast(PageView, app.view)
-    await app.do(next(action for action in app.able() if action.name == "next model"))
-    await until(pilot, lambda: view.job is not None and "SLIM.toml" in view.job.words)
-    await computed(app, pilot)
-
-
 async def noise(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     """A panel in the middle of the list."""
-    await with_model(app, pilot)
+    await computed(app, pilot)
     await pilot.press("n", "n")
 
 
@@ -188,7 +180,7 @@ PREPARE: dict[str, Prepare] = {
     "blooming": blooming,
     "blooming_wide": blooming,
     "blooming_settings": blooming_settings,
-    "ghosts": with_model,
+    "ghosts": computed,
     "cloud": cloud,
     "cloud_maps": cloud_maps,
     "explain": explain,
