@@ -197,7 +197,8 @@ def first_paint(terminal, figures):
     terminal.quiet(2.5)
     figures["first paint [bytes]"] = terminal.sent
     terminal.until(lambda screen: "reading the project" not in screen.text, 60.0)
-    terminal.quiet(3.0)
+    terminal.until(has_number, 60.0)
+    terminal.quiet(6.0)  # until those of the other distances are there as well
     figures["idle, 10 s [bytes]"] = terminal.cost(b"", 10.0, 10.0)
     figures["key answered, idle [ms]"] = middle_and_most(terminal.echo(b"\t") for _ in range(40))
 
