@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from lidarcheck.cases.frame import Frame
-from lidarcheck.effects.base import Effect
+from lidarcheck.effects.base import Effect, ReadoutEffect
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.observed.beam_table import BeamTable
 from lidarcheck.inference.observed.observations import Observations, observations_of
@@ -14,7 +16,7 @@ from lidarcheck.model.chain import simulate_frames
 from lidarcheck.model.incremental import DetectedFrame, program_frames, simulate_detected
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces, run_and_light
-from lidarcheck.scan import Scan
+from lidarcheck.scan import Light, Scan
 from lidarcheck.sensor import Program, Sensor
 
 __all__ = ["Simulations", "observed"]
@@ -25,6 +27,7 @@ _KEPT_POSES = 4
 """Poses whose surfaces are kept at most."""
 _ALL = 1000
 """More differences than a model has effects and materials: every beam is another."""
+_NO_LIGHT = Light(*np.zeros((3, 0)), np.zeros(1), *np.zeros((2, 0)))
 
 
 def observed(
@@ -37,8 +40,8 @@ def observed(
 
 
 class _Simulated(NamedTuple):
-    """What was simulated: the effects before the detectors and those of them, the sensor, the reflectances, the seed,
-    the error of the pose."""
+    """What was simulated: the effects that act before the detectors, those of them, the sensor, the reflectances, the
+    seed, the error of the pose."""
 
     light: tuple[Effect, ...]
     detector: tuple[Effect, ...]
@@ -50,7 +53,7 @@ class _Simulated(NamedTuple):
     @classmethod
     def of(cls, model: Model, seed: int, nuisance: Nuisance) -> _Simulated:
         """That of a model."""
-        light = tuple(effect for effect in model.effects if effect.stage in ("aim", "light"))
+        light = tuple(e for e in model.effects if e.stage in ("aim", "light") or _acts_before(e, model.sensor))
         detector = tuple(effect for effect in model.effects if effect.stage == "detector")
         table = tuple((i, m.reflectance) for i, m in model.materials.items())
         return cls(light, detector, model.sensor, table, seed, (nuisance.yaw, nuisance.pitch, nuisance.height))
@@ -60,6 +63,15 @@ class _Simulated(NamedTuple):
         if (self.detector, self.sensor, self.seed, self.pose) != (other.detector, other.sensor, other.seed, other.pose):
             return _ALL
         return len({*self.light} ^ {*other.light}) + len({*self.reflectances} ^ {*other.reflectances})
+
+
+def _acts_before(effect: Effect, sensor: Sensor) -> bool:
+    """Whether an effect of the readout acts on the light or the sensor of this detector, as a shift of all ranges does
+    on a histogram or on what a program is handed."""
+    if not isinstance(effect, ReadoutEffect):
+        return False
+    light, after = effect.before(_NO_LIGHT, sensor)
+    return light is not _NO_LIGHT or after is not sensor
 
 
 class Simulations:

@@ -30,6 +30,8 @@ _SMOOTH = 0.06
 """Neighbours whose ranges differ by less than this part of the range lie on one surface, and give its slope."""
 _STEEP = 0.15
 """A surface seen at a grazing angle may lie farther by such a part of its range one beam on."""
+_MANY_ROWS = 5
+"""From so many rows on a beam is sampled by them; fewer are the two or three surfaces that it meets."""
 _APART_M, _APART = 1.0, 0.06
 """Surfaces this much apart, or by this part of the range, are not one."""
 
@@ -47,7 +49,8 @@ class BeamTable:
     which one the beam meets.
     `bright` (n, 4): beams to the next bright surface on each side, 0 where there is none, and `bright_m` (n, 4) its
     range. `estimate` (n,): beams of one number were estimated together, in several frames, and are off alike.
-    `hit_beam`, `hit_m` (m,): all surfaces, ascending in (beam, range), a beam's several rows each.
+    `hit_beam`, `hit_m` (m,): all surfaces, ascending in (beam, range): a beam's several rows each, or what many of them
+    sample as one.
     `range_offset_m` (n,): what a reported range is longer than the way; `view`: what is looked at of the echoes;
     `sensor`: the sensor's beams, of the first frame; `whole`: whether no beam of the ideal scans is left out.
     """
@@ -147,6 +150,8 @@ def beams_of(ideals: Sequence[IdealScan], model: Model) -> BeamTable:
     at_edges = _at_edges(ideals, key, rows_key)
     neighbour, step, slope, crease = _neighbours(shape, distance[row], incidence[row], material[row])
     bright, bright_m = bright_offsets(shape, signal[row], distance[row], model.sensor.bright_signal)
+    view = EchoView.of(model.sensor)
+    hit_beam, hit_m = _surfaces(beam[hit], distance[order][hit], signal[order][hit], view.reach_m)
     found = BeamTable(
         key=key,
         frame=frames[row],
@@ -166,13 +171,31 @@ def beams_of(ideals: Sequence[IdealScan], model: Model) -> BeamTable:
         bright=bright,
         bright_m=bright_m,
         estimate=_together(ideals, row),
-        hit_beam=beam[hit],
-        hit_m=distance[order][hit],
+        hit_beam=hit_beam,
+        hit_m=hit_m,
         range_offset_m=np.zeros(len(row)) + ideals[0].beams.range_offset_m(layer[row]),
-        view=EchoView.of(model.sensor),
+        view=view,
         sensor=ideals[0].beams,
     )
     return found.without(at_edges) if at_edges.any() else found
+
+
+def _surfaces(
+    beam: IndexArray, range_m: FloatArray, signal: FloatArray, reach_m: float
+) -> tuple[IndexArray, FloatArray]:
+    """The surfaces of rows that ascend in (beam, range), shapes (m,): beam and range of each.
+
+    Of a wide beam that many rays sample, those that lie nearer to the next than a pulse tells apart are one surface, in
+    the middle of their light: an echo that is off would else lie on the surface of another of its rays.
+    """
+    many = np.bincount(beam)[beam] >= _MANY_ROWS if len(beam) else np.zeros(0, dtype=bool)
+    starts = np.append(True, (np.diff(beam) != 0) | (np.diff(range_m) > reach_m) | ~many[1:])[: len(beam)]
+    if starts.all():
+        return beam, range_m
+    number = np.cumsum(starts) - 1
+    weight = np.maximum(signal, 1e-12 * max(float(signal.max()), 1e-300))
+    middle = np.bincount(number, weight * range_m) / np.bincount(number, weight)
+    return beam[starts], np.asarray(middle)
 
 
 def _at_edges(ideals: Sequence[IdealScan], key: IndexArray, rows_key: IndexArray) -> BoolArray:
