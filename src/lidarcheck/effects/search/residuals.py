@@ -14,7 +14,7 @@ __all__ = ["NOISE_M", "at_knots", "best_factors", "medians", "of_echoes_and_ligh
 
 
 _BINS = 24
-_FEWEST = 200
+_FEWEST = 60
 """Fewer beams than this do not show a curve."""
 _LEAST_KNOWN_M = 0.5
 _TRIMMED, NOISE_M = 3, 0.01
