@@ -1,5 +1,7 @@
 """How long a user waits for what simulates again and again, with this tree and an earlier one. Run by ci/waits.
 
+Without an earlier tree: how long a frame in fog takes with another model, with what the first one showed and without.
+
 Processor time counts, of all that a command starts: on a busy machine wall time says how busy it was.
 """
 
@@ -12,16 +14,21 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from lidarcheck.cli.bench.scene import lab_frame, lab_model
+from lidarcheck.cli.bench.scene import lab_frame, lab_model, signs_frame
 from lidarcheck.effects import make
 from lidarcheck.formats import save_ideal, save_scan
 from lidarcheck.model import load_model, save_model, simulate
+from lidarcheck.model.incremental import simulate_detected
 from lidarcheck.model.spec import Model
+from lidarcheck.model.stages import Surfaces
 
 ROOT = Path(__file__).resolve().parents[1]
 FOG = make("fog", {"mor_m": 200.0})
@@ -124,6 +131,41 @@ def commands(place: Path, side: int) -> dict[str, Callable[[Path], list[str]]]:
     }  # fmt: skip
 
 
+def again(side: int, rounds: int) -> None:
+    """One frame of the case with another model: what is simulated with what the first one showed, and without."""
+    frame = signs_frame()
+    near = (np.abs(frame.layer - 260) <= side) & (frame.layer % 2 == 0)
+    column = int(frame.point[frame.material_id == 5].min()) - side // 2
+    ideal = frame.take(near & (frame.point >= column) & (frame.point < column + side))
+    before = lab_model("SMART").with_(FOG)
+    table = {**before.materials, 2: replace(before.materials[2], reflectance=0.55)}
+    changes = {
+        "another seed": before,
+        "a reflectance": replace(before, materials=table),
+        "range_offset": before.with_(make("range_offset", {})),
+        "retro_ghost": before.with_(make("retro_ghost", {})),
+        "blooming_vertical": before.with_(make("blooming_vertical", {})),
+        "rain": before.with_(make("rain", {})),
+        "the fog": before.with_(make("fog", {"mor_m": 190.0})),
+    }
+    print("| what differs | all [ms] | the rest is kept [ms] | all / rest |\n|---|---|---|---|")
+    for what, model in changes.items():
+        times: list[list[float]] = [[], []]
+        for seed in range(rounds + 1):
+            kept = Surfaces(ideal)
+            like = simulate_detected(ideal, before, seed=seed, threads=1, surfaces=kept)
+            seed += what == "another seed"
+            runs: list[dict[str, Any]] = [{"surfaces": Surfaces(ideal)}, {"surfaces": kept, "like": like}]
+            found = []
+            for how, spent in zip(runs, times, strict=True):
+                start = time.process_time()
+                found.append(simulate_detected(ideal, model, seed=seed, threads=1, **how))
+                spent.append(1e3 * (time.process_time() - start))
+            assert found[0].scan.x_m.tobytes() == found[1].scan.x_m.tobytes()
+        whole, rest = (statistics.median(spent[1:]) for spent in times)
+        print(f"| {what} | {whole:.1f} | {rest:.1f} | {whole / rest:.1f} |", flush=True)
+
+
 def seconds(tree: Path, arguments: Sequence[str], place: Path) -> float:
     """Processor time of a command with the sources of a tree, in a project of its own; a number's its own words."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -142,11 +184,14 @@ def seconds(tree: Path, arguments: Sequence[str], place: Path) -> float:
 def main() -> None:
     """Print a table of medians and their ratios."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--before", type=Path, required=True, help="an earlier tree: git worktree add DIR COMMIT")
+    parser.add_argument("--before", type=Path, help="an earlier tree: git worktree add DIR COMMIT")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--side", type=int, default=96, help="beams of a frame of the case: so many times so many")
     parser.add_argument("--only", default="", help="commands whose name has this word in it")
     asked = parser.parse_args()
+    if asked.before is None:
+        again(asked.side, asked.rounds)
+        return
     trees = [asked.before.resolve(), ROOT]
     print("| waits for | before [s] | now [s] | before / now |\n|---|---|---|---|")
     with tempfile.TemporaryDirectory(prefix="lidarcheck-waits-") as name:
