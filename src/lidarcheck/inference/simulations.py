@@ -27,7 +27,8 @@ _KEPT_POSES = 4
 """Poses whose surfaces are kept at most."""
 _ALL = 1000
 """More differences than a model has effects and materials: every beam is another."""
-_NO_LIGHT = Light(*np.zeros((3, 0)), np.zeros(1), *np.zeros((2, 0)))
+_NONE = np.zeros(0)
+_NO_LIGHT = Light(_NONE.astype(np.int32), _NONE.astype(np.int32), _NONE, np.zeros(1, dtype=np.int64), _NONE, _NONE)
 
 
 def observed(
