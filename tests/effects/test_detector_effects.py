@@ -117,7 +117,7 @@ def test_no_light_and_no_beams_are_no_trouble(name: str) -> None:
     assert np.isfinite(features(follow(dark_flash(50), sensor), sensor)).all()
 
 
-@pytest.mark.parametrize("name", ["crosstalk", "afterpulsing", "dead_time"])
+@pytest.mark.parametrize("name", ["crosstalk", "dead_time"])
 def test_the_chain_follows_such_detectors_one_by_one(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     sensor = behind(Sensor.of("SMART"), name)
     beams = light(2.0, 400, range_m=30.0)

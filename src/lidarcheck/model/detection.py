@@ -51,7 +51,7 @@ def chain_echoes(
         simulate_on_cuda(numbers, streams.new_stream(seed, "spads", frame), beams, per_bin, pulses, order, echoes)
         return echoes
 
-    follow = _follower(sensor, numbers) if sensor.nonideal.any else None
+    follow = _follower(sensor, numbers, light) if sensor.nonideal.any else None
     chunks = _chunks(sensor, light, order, seed, frame)
     beams_done = np.cumsum([len(rows) for _, rows in chunks])
     idle: dict[int, list[kernel.Scratch]] = {threshold: [] for threshold, _ in chunks}
@@ -93,9 +93,15 @@ def _refuse_disturbed(sensor: SpadArray) -> None:
         raise UsageError("a threshold between two whole numbers is not simulated on a GPU", fix="use the device cpu")
 
 
-def _follower(sensor: SpadArray, numbers: Numbers) -> Callable[..., None]:
-    """`simulate_chunk` for SPADs that disturb each other and are followed one by one."""
+def _follower(sensor: SpadArray, numbers: Numbers, light: Light) -> Callable[..., None]:
+    """`simulate_chunk` for SPADs that disturb each other or themselves: counted where afterpulses alone
+    do so, else one by one."""
+    from lidarcheck.model.afterpulses.law import can_count, law_of
+    from lidarcheck.model.afterpulses.simulate import simulate_chunk
     from lidarcheck.model.detectors import simulate as detectors
     from lidarcheck.model.detectors.array import detectors_of
 
-    return functools.partial(detectors.simulate_chunk, detectors_of(sensor, numbers))
+    one_by_one = functools.partial(detectors.simulate_chunk, detectors_of(sensor, numbers))
+    if can_count(sensor, numbers, light):
+        return functools.partial(simulate_chunk, law_of(sensor, numbers), one_by_one, {})
+    return one_by_one

@@ -23,10 +23,13 @@ from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.lane_math import LANES, LN2, exp, expm1, log1m
 
 __all__ = [
+    "ARMED",
+    "COUNT",
     "MOST_BINS",
     "MOST_DETECTORS",
     "RESERVE",
     "Abreast",
+    "draw_counts",
     "draw_entry",
     "find_abreast",
     "last_on",
@@ -43,7 +46,7 @@ MOST_DETECTORS = 800
 
 _LANES: Any = np.uint64(LANES)
 _ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
-_ARMED, _TERM, _ODDS, _GROWTH, _LEFT, _COUNT = (np.uint64(k * LANES) for k in range(6))
+ARMED, _TERM, _ODDS, _GROWTH, _LEFT, COUNT = (np.uint64(k * LANES) for k in range(6))
 _ON, _LENGTH, _BEFORE, _WIDTH, _AREA, _MOMENT, _PEAK = (np.uint64(k * LANES) for k in range(7))
 """Rows of `state`: those of the chain, and those of the search for echoes behind it."""
 
@@ -99,7 +102,7 @@ def _open(group: Abreast, bin_: Any, draw: Any) -> Any:
     rates, draws, state = group.rates, group.draws, group.state
     some = bright = 0
     for lane in range(_LANES):
-        armed, rate = state[_ARMED + lane], rates[bin_ + lane]
+        armed, rate = state[ARMED + lane], rates[bin_ + lane]
         # exp(-x) >= 1 - x: most quiet bins are settled without an exponential.
         some += 1 if draws[draw + lane] >= 1.0 - armed * rate else 0
         bright += 1 if rate >= LN2 and armed > 0.0 else 0
@@ -112,7 +115,7 @@ def _begin(group: Abreast, bin_: Any, draw: Any) -> int:
     rates, draws, state = group.rates, group.draws, group.state
     left = 0
     for lane in range(_LANES):
-        armed, rate = state[_ARMED + lane], rates[bin_ + lane]
+        armed, rate = state[ARMED + lane], rates[bin_ + lane]
         uniform = draws[draw + lane] * BELOW_ONE
         zero = exp(-armed * rate)
         odds = expm1(rate)
@@ -120,7 +123,7 @@ def _begin(group: Abreast, bin_: Any, draw: Any) -> int:
         state[_ODDS + lane] = odds
         state[_GROWTH + lane] = odds * (armed + 1.0)
         state[_LEFT + lane] = uniform if uniform >= zero else -1.0
-        state[_COUNT + lane] = 0.0
+        state[COUNT + lane] = 0.0
         left += 1 if uniform >= zero else 0
     return left
 
@@ -131,7 +134,7 @@ def _begin_bright(group: Abreast, bin_: Any, draw: Any) -> int:
     rates, draws, state = group.rates, group.draws, group.state
     left = 0
     for lane in range(_LANES):
-        armed, rate = state[_ARMED + lane], rates[bin_ + lane]
+        armed, rate = state[ARMED + lane], rates[bin_ + lane]
         uniform = draws[draw + lane] * BELOW_ONE
         miss = exp(-(rate if rate < 600.0 else 600.0))
         most = rate >= LN2
@@ -141,7 +144,7 @@ def _begin_bright(group: Abreast, bin_: Any, draw: Any) -> int:
         state[_ODDS + lane] = odds
         state[_GROWTH + lane] = odds * (armed + 1.0)
         state[_LEFT + lane] = uniform if uniform >= zero else -1.0
-        state[_COUNT + lane] = 0.0
+        state[COUNT + lane] = 0.0
         left += 1 if uniform >= zero else 0
     return left
 
@@ -170,7 +173,7 @@ def _step(group: Abreast, inverse: FloatArray, k: Any) -> int:
         above += 1.0 if uniform >= term * up_to_one else 0.0
         above += 1.0 if uniform >= term * up_to_two else 0.0
         above += 1.0 if uniform >= step else 0.0
-        state[_COUNT + lane] += above
+        state[COUNT + lane] += above
         state[_LEFT + lane] = uniform - step if uniform >= step else -1.0
         state[_TERM + lane] = term * four
         left += 1 if uniform >= step else 0
@@ -178,8 +181,8 @@ def _step(group: Abreast, inverse: FloatArray, k: Any) -> int:
 
 
 @kernel
-def _draw(group: Abreast, bin_: Any, draw: Any, inverse: FloatArray, detectors: int) -> bool:
-    """One number for each lane, as `binomial` draws it, into `_COUNT`; False where all of them are 0."""
+def draw_counts(group: Abreast, bin_: Any, draw: Any, inverse: FloatArray, detectors: int) -> bool:
+    """One number for each lane, as `binomial` draws it, into `COUNT`; False where all of them are 0."""
     some, bright = _open(group, bin_, draw)
     if some + bright == 0:
         return False
@@ -190,9 +193,9 @@ def _draw(group: Abreast, bin_: Any, draw: Any, inverse: FloatArray, detectors: 
         term += _FOUR
     rates, state = group.rates, group.state
     for lane in range(_LANES):
-        armed, count = state[_ARMED + lane], state[_COUNT + lane]
+        armed, count = state[ARMED + lane], state[COUNT + lane]
         count = count if count < armed else armed
-        state[_COUNT + lane] = armed - count if rates[bin_ + lane] >= LN2 else count
+        state[COUNT + lane] = armed - count if rates[bin_ + lane] >= LN2 else count
     return True
 
 
@@ -202,10 +205,10 @@ def draw_entry(numbers: Numbers, group: Abreast, dead_rate: float, held: int, in
     rates, state, dead = group.rates, group.state, group.dead
     for lane in range(_LANES):
         rates[lane] = dead_rate
-        state[_ARMED + lane] = numbers.detectors if lane < held else 0
-    some = _draw(group, np.uint64(0), np.uint64(0), inverse, numbers.detectors)
+        state[ARMED + lane] = numbers.detectors if lane < held else 0
+    some = draw_counts(group, np.uint64(0), np.uint64(0), inverse, numbers.detectors)
     for lane in range(_LANES):
-        dead[lane] = np.int64(state[_COUNT + lane]) if some else 0
+        dead[lane] = np.int64(state[COUNT + lane]) if some else 0
 
 
 @kernel
@@ -213,17 +216,17 @@ def run_abreast(numbers: Numbers, group: Abreast, bins: int, inverse: FloatArray
     """Run the avalanche counts of all lanes through the first `bins` bins of their windows."""
     counts, state = group.counts, group.state
     for lane in range(_LANES):
-        state[_ARMED + lane] = numbers.detectors - group.dead[lane]
+        state[ARMED + lane] = numbers.detectors - group.dead[lane]
     window, first_draw = np.uint64(numbers.dead) * _LANES, np.uint64(RESERVE * LANES)
     for k in range(np.uint64(bins)):
         bin_ = k * _LANES
         for lane in range(_LANES):
-            state[_ARMED + lane] += counts[bin_ + lane]
-        some = _draw(group, bin_, first_draw + bin_, inverse, numbers.detectors)
+            state[ARMED + lane] += counts[bin_ + lane]
+        some = draw_counts(group, bin_, first_draw + bin_, inverse, numbers.detectors)
         for lane in range(_LANES):
-            fired = state[_COUNT + lane] if some else 0.0
+            fired = state[COUNT + lane] if some else 0.0
             counts[window + bin_ + lane] = fired
-            state[_ARMED + lane] -= fired
+            state[ARMED + lane] -= fired
 
 
 @kernel

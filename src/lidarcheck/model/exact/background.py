@@ -29,17 +29,28 @@ from lidarcheck.model.exact.pulses import Pulses, add_rates
 from lidarcheck.model.lane_math import fired, log
 from lidarcheck.model.streams import Stream, fill, fill_four, skip
 
-__all__ = ["add_outside", "is_plainly_quiet", "is_quiet", "looks_quiet"]
+__all__ = [
+    "SMALL",
+    "add_outside",
+    "are_small",
+    "blocks_around",
+    "complete",
+    "is_plainly_quiet",
+    "is_quiet",
+    "looks_quiet",
+    "place",
+    "thin",
+]
 
 
-_FREE, _SMALL = -1, -2
+_FREE, SMALL = -1, -2
 """A block of which nothing is known yet, and one that is known to hold no more than `small` candidates."""
 _ALL_SMALL, _APART, _CROWDED = 0, 1, 2
 """What a search found: nothing to look at, large blocks with small neighbours, or neighbours that are crowded."""
 
 
 @inlined
-def _are_small(draw: float, log_chance: float) -> bool:
+def are_small(draw: float, log_chance: float) -> bool:
     """Whether blocks are all small, the logarithm of which chance is given."""
     # exp(x) >= 1 + x: most beams are settled without a logarithm.
     return draw >= -log_chance or log(1.0 - draw) <= log_chance
@@ -64,7 +75,7 @@ def _search(
     """
     found, log_small, most_beside = _ALL_SMALL, blocks.log_small[0], threshold - blocks.small
     before, at = beside, first
-    if beside > most_beside or not _are_small(draw, (last - first) * log_small):
+    if beside > most_beside or not are_small(draw, (last - first) * log_small):
         found = _APART if before <= threshold else _CROWDED
         if record:
             blocks.held[first:last] = _FREE
@@ -76,7 +87,7 @@ def _search(
             if draw < -small * log_small:
                 small = int(min(log(1.0 - draw) / log_small, float(small)))
             if record:
-                blocks.held[at : at + small] = _SMALL
+                blocks.held[at : at + small] = SMALL
             at += small
         if at == last:
             skip(stream, 3)
@@ -99,19 +110,17 @@ def _search(
 
 
 @kernel
-def _complete(blocks: Blocks, stream: Stream, draws: FloatArray, first: int, last: int, found: int) -> None:
+def complete(blocks: Blocks, stream: Stream, draws: FloatArray, first: int, last: int) -> None:
     """Draw what a search left open of the blocks `first` ... `last - 1`."""
-    if found == _ALL_SMALL:
-        blocks.held[first:last] = _SMALL
     for j in range(first, last):
         if blocks.held[j] < 0:
             fill_four(stream, draws)
-            small = blocks.held[j] == _SMALL
+            small = blocks.held[j] == SMALL
             blocks.held[j] = count_small(blocks, draws[0]) if small else count(blocks, 1.0 - draws[0])
 
 
 @kernel
-def _place(
+def place(
     numbers: Numbers,
     blocks: Blocks,
     stream: Stream,
@@ -137,7 +146,7 @@ def _place(
 
 
 @kernel
-def _thin(
+def thin(
     numbers: Numbers,
     blocks: Blocks,
     stream: Stream,
@@ -147,9 +156,12 @@ def _thin(
     step: int,
     per_bin: float,
     rates: FloatArray,
+    pool: int,
     counts: IndexArray,
 ) -> None:
     """Keep candidates whose detector is armed, from bin `first` on in the direction of `step`.
+
+    `pool`: detectors whose avalanches stand in `counts`; those that candidates strike of the others count elsewhere.
 
     Where the rate is lower than the candidates', it keeps them with the ratio of the chances. `rates` (bins,): of each
     bin; beyond the trace, it is `per_bin`.
@@ -159,7 +171,7 @@ def _thin(
         candidates = counts[index]
         if candidates == 0:
             continue
-        armed = numbers.detectors
+        armed = pool
         for age in range(1, numbers.dead):
             armed -= counts[index - step * age]
         bin_ = first + step * n
@@ -171,15 +183,15 @@ def _thin(
             fill(stream, draws, candidates)
         kept = 0
         for j in range(candidates):
-            place = draws[j] * (numbers.detectors - j)
-            if place < armed:
+            struck = draws[j] * (numbers.detectors - j)
+            if struck < armed:
                 armed -= 1
-                kept += 1 if place < accepted * (armed + 1) else 0
+                kept += 1 if struck < accepted * (armed + 1) else 0
         counts[index] = kept
 
 
 @inlined
-def _blocks_around(numbers: Numbers, blocks: Blocks, begin: int, end: int) -> Any:
+def blocks_around(numbers: Numbers, blocks: Blocks, begin: int, end: int) -> Any:
     """Blocks before the window `begin` ... `end - 1`, and all of them with those behind it."""
     bins_before = max(begin - numbers.dead + numbers.on, 0) if begin > 0 else 0
     back = (bins_before + blocks.length - 1) // blocks.length
@@ -219,7 +231,7 @@ def looks_quiet(
     on_at_end: int,
 ) -> bool:
     """Whether no echo reaches beyond the window `begin` ... `end - 1`: `is_quiet` without writing anything down."""
-    back, last = _blocks_around(numbers, blocks, begin, end)
+    back, last = blocks_around(numbers, blocks, begin, end)
     most = _ALL_SMALL
     for behind in range(2):
         draw, first, stop = (draw_behind, back, last) if behind else (draw_before, np.int64(0), back)
@@ -250,13 +262,17 @@ def is_quiet(
         return True
     # Few beams look twice, the second time writing down what they see.
     stream.counter[0] = block
-    back, last = _blocks_around(numbers, blocks, begin, end)
+    back, last = blocks_around(numbers, blocks, begin, end)
     beside_begin = dead_at_begin if begin > 0 else 0
     beside_end = on_at_end if end < numbers.bins else 0
     before = _search(blocks, stream, draws, draw_before, np.int64(0), back, beside_begin, numbers.threshold, True)
     behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, True)
-    _complete(blocks, stream, draws, 0, back, before)
-    _complete(blocks, stream, draws, back, last, behind)
+    if before == _ALL_SMALL:
+        blocks.held[:back] = SMALL
+    if behind == _ALL_SMALL:
+        blocks.held[back:last] = SMALL
+    complete(blocks, stream, draws, 0, back)
+    complete(blocks, stream, draws, back, last)
     return False
 
 
@@ -278,14 +294,26 @@ def add_outside(
 
     Before the window there is nothing but a background of `per_bin`, behind it perhaps some faint haze besides.
     """
-    back, last = _blocks_around(numbers, blocks, begin, end)
+    back, last = blocks_around(numbers, blocks, begin, end)
     for j in range(back):
         bin_of_block = begin - numbers.dead - j * blocks.length
-        _place(numbers, blocks, stream, draws, blocks.held[j], bin_of_block, -1, counts)
+        place(numbers, blocks, stream, draws, blocks.held[j], bin_of_block, -1, counts)
     for j in range(back, last):
-        _place(numbers, blocks, stream, draws, blocks.held[j], end + (j - back) * blocks.length, 1, counts)
+        place(numbers, blocks, stream, draws, blocks.held[j], end + (j - back) * blocks.length, 1, counts)
     rates[:] = per_bin
     add_rates(pulses, beam, end, numbers.bins, rates[end:])
     length = blocks.length
-    _thin(numbers, blocks, stream, draws, begin - numbers.dead, back * length, -1, per_bin, rates, counts)
-    _thin(numbers, blocks, stream, draws, end, (last - back) * length, 1, per_bin, rates, counts)
+    thin(
+        numbers,
+        blocks,
+        stream,
+        draws,
+        begin - numbers.dead,
+        back * length,
+        -1,
+        per_bin,
+        rates,
+        numbers.detectors,
+        counts,
+    )
+    thin(numbers, blocks, stream, draws, end, (last - back) * length, 1, per_bin, rates, numbers.detectors, counts)

@@ -107,7 +107,7 @@ def enter(numbers: Numbers, stream: Stream, scratch: Scratch, dead_rate: float, 
 
 
 @inlined
-def place_dead(numbers: Numbers, stream: Stream, scratch: Scratch, dead: int, begin: int) -> None:
+def place_dead(numbers: Numbers, stream: Stream, scratch: Scratch, dead: int, begin: Any) -> None:
     """Spread the last avalanches of `dead` detectors over the `dead - 1` bins before `begin`; draws from 1 on."""
     draws = scratch.draws
     at, limit = 1, RESERVE - 2

@@ -1,0 +1,219 @@
+"""A group of beams whose detectors have afterpulses, side by side: the exact chain, but for who leaves its counts.
+
+Detectors of a beam are alike as long as they wait for no afterpulse: the pool, which the exact chain counts. Of its
+avalanches one in so many has an afterpulse, by a geometric countdown; the detector leaves the pool and is followed
+alone until it waits for nothing (`follow.py`). Background splits into candidates with an afterpulse to come and others,
+which strike cells independently: detectors that the former strike outside the window are followed from there on, and
+what the latter do to the others is found as in the exact chain (`outside.py`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.jit import inlined, kernel
+from lidarcheck.model.afterpulses.follow import follow_before, follow_behind, leave
+from lidarcheck.model.afterpulses.law import (
+    AT,
+    BATCH,
+    BEGIN,
+    BLOCK,
+    END,
+    KEY,
+    POINTS,
+    After,
+    Law,
+    Level,
+    gap,
+    secondary,
+)
+from lidarcheck.model.afterpulses.outside import is_quiet, look_around
+from lidarcheck.model.exact.abreast import ARMED, COUNT, RESERVE, draw_counts, find_abreast, last_on
+from lidarcheck.model.exact.binomial import binomial
+from lidarcheck.model.exact.echoes import EchoArrays
+from lidarcheck.model.exact.numbers import Numbers
+from lidarcheck.model.exact.pulses import Pulses, add_pulses
+from lidarcheck.model.exact.single import place_dead
+from lidarcheck.model.lane_math import LANES
+from lidarcheck.model.streams import Stream, fill, fill_abreast, rewind, skip
+
+__all__ = ["simulate_group"]
+
+_FEW = 8
+"""Beams fewer than which are faster one by one."""
+_LANES: Any = np.uint64(LANES)
+_FIRST_DRAW: Any = np.uint64(RESERVE * LANES)
+
+
+@kernel
+def simulate_group(
+    numbers: Numbers,
+    law: Law,
+    level: Level,
+    stream: Stream,
+    beams: npt.NDArray[np.uint64],
+    pulses: Pulses,
+    held: int,
+    after: After,
+    echoes: EchoArrays,
+) -> None:
+    """Simulate the beams of the first `held` lanes, which have one background; each has the draws that are its own."""
+    group = after.chain.group
+    bins: Any = np.int64(0)
+    for lane in range(held):
+        group.key[lane] = beams[np.uint64(group.beam[lane])]
+        bins = max(bins, group.length[lane])
+    _draw(stream, bins, held, after)
+    _enter(numbers, law, level, stream, held, after)
+    group.rates[: bins * LANES] = level.per_bin
+    for lane in range(LANES):
+        if lane < held:
+            begin, end = group.begin[lane], group.begin[lane] + group.length[lane]
+            i: Any = np.uint64(group.beam[lane])
+            add_pulses(pulses, i, begin, end, group.rates, lane, LANES)
+        for k in range(group.length[lane] if lane < held else 0, bins):
+            group.rates[k * LANES + lane] = 0.0
+    _before(numbers, law, level, stream, held, after)
+    if held < _FEW:
+        _run_few(numbers, law, level, stream, bins, held, after)
+    else:
+        _run(numbers, law, level, stream, bins, held, after)
+    for lane in range(held):
+        after.later[lane] = _pool_at_end(numbers, bins, lane, after)
+    find_abreast(numbers, group, bins, held, echoes)
+    _finish(numbers, law, level, stream, held, after, echoes)
+    group.counts[: (numbers.dead + bins) * LANES] = 0.0
+    after.trails.back[: (numbers.dead + bins) * LANES] = 0.0
+
+
+@inlined
+def _draw(stream: Stream, bins: int, held: int, after: After) -> None:
+    """The draws of the first stream for all lanes, as the exact chain has them."""
+    group, draws = after.chain.group, after.chain.draws
+    if held >= _FEW:
+        fill_abreast(stream, group.key, (RESERVE + bins + 3) // 4, group.words, group.draws)
+    else:
+        for lane in range(held):
+            rewind(stream, group.key[lane])
+            fill(stream, draws, RESERVE + bins)
+            for k in range(RESERVE + bins):
+                group.draws[k * LANES + lane] = draws[k]
+
+
+@kernel
+def _enter(numbers: Numbers, law: Law, level: Level, stream: Stream, held: int, after: After) -> None:
+    """Who is followed when the window begins, and the last avalanches of the others, as background leaves them."""
+    group, chain, trails = after.chain.group, after.chain, after.trails
+    state = trails.state
+    for lane in range(held):
+        state[BEGIN + lane], state[END + lane] = group.begin[lane], group.begin[lane] + group.length[lane]
+        state[POINTS + lane], state[AT + lane], state[BLOCK + lane] = 0, BATCH, 0
+        state[KEY + lane] = np.int64(group.key[lane])
+        dirty = level.dirty * (group.begin[lane] + law.warm_up)
+        gone = binomial(secondary(stream, trails, lane), numbers.detectors, dirty, chain.inverse)
+        after.pool[lane] = numbers.detectors - gone
+        after.left[lane] = gap(law, stream, trails, lane)
+        dead = binomial(group.draws[lane], after.pool[lane], level.dead_rate, chain.inverse)
+        group.state[ARMED + np.uint64(lane)] = after.pool[lane] - dead
+        rewind(stream, group.key[lane])
+        skip(stream, RESERVE + group.length[lane])
+        if dead > 0:
+            for k in range(1, RESERVE - 2):
+                chain.draws[k] = group.draws[k * LANES + lane]
+            place_dead(numbers, stream, chain, dead, np.int64(0))
+            for age in range(1, numbers.dead):
+                at = (numbers.dead - age) * LANES + lane
+                group.counts[at] = chain.counts[numbers.pad - age]
+                after.trails.back[at] = group.counts[at]
+                chain.counts[numbers.pad - age] = 0
+        group.block[lane] = stream.counter[0]
+    for lane in range(held, LANES):
+        group.state[ARMED + np.uint64(lane)] = 0.0
+        after.left[lane] = 0.0
+
+
+@kernel
+def _before(numbers: Numbers, law: Law, level: Level, stream: Stream, held: int, after: After) -> None:
+    """Follow those who have left the pool before the window; count all avalanches in the `dead - 1` bins before it."""
+    group = after.chain.group
+    for lane in range(held):
+        number = numbers.detectors - after.pool[lane]
+        follow_before(numbers, law, level, stream, after.trails, lane, number)
+        total = 0.0
+        for k in range(1, numbers.dead):
+            total += group.counts[k * LANES + lane]
+        group.dead[lane] = int(total)
+
+
+@inlined
+def _pool_at_end(numbers: Numbers, bins: int, lane: int, after: After) -> int:
+    """Detectors that are not followed when a lane's window has ended: those armed and those armed again later."""
+    pool = after.chain.group.state[ARMED + np.uint64(lane)]
+    for k in range(bins, bins + numbers.dead):
+        pool += after.trails.back[k * LANES + lane]
+    return int(pool)
+
+
+@kernel
+def _run(numbers: Numbers, law: Law, level: Level, stream: Stream, bins: int, held: int, after: After) -> None:
+    """Run the pool of all lanes through the first `bins` bins of their windows."""
+    group, back, left = after.chain.group, after.trails.back, after.left
+    counts, state = group.counts, group.state
+    window = np.uint64(numbers.dead) * _LANES
+    for k in range(np.uint64(bins)):
+        bin_ = k * _LANES
+        for lane in range(_LANES):
+            state[ARMED + lane] += back[bin_ + lane]
+        if draw_counts(group, bin_, _FIRST_DRAW + bin_, after.chain.inverse, numbers.detectors):
+            leaving = 0
+            for lane in range(_LANES):
+                fired = state[COUNT + lane]
+                counts[window + bin_ + lane] += fired
+                back[window + bin_ + lane] += fired
+                state[ARMED + lane] -= fired
+                left[lane] -= fired
+                leaving += 1 if left[lane] < 0.0 else 0
+            if leaving > 0:
+                leave(numbers, law, level, stream, after.trails, left, np.int64(0), held, np.int64(k))
+
+
+@kernel
+def _run_few(numbers: Numbers, law: Law, level: Level, stream: Stream, bins: int, held: int, after: After) -> None:
+    """The same lane by lane, to the last bit."""
+    group, back, left = after.chain.group, after.trails.back, after.left
+    counts, state = group.counts, group.state
+    for lane in range(held):
+        for k in range(bins):
+            at = k * LANES + lane
+            armed = state[ARMED + np.uint64(lane)] + back[at]
+            draw = group.draws[RESERVE * LANES + at]
+            fired = float(binomial(draw, int(armed), group.rates[at], after.chain.inverse))
+            counts[numbers.dead * LANES + at] += fired
+            back[numbers.dead * LANES + at] += fired
+            state[ARMED + np.uint64(lane)] = armed - fired
+            left[lane] -= fired
+            if left[lane] < 0.0:
+                leave(numbers, law, level, stream, after.trails, left, lane, lane + 1, k)
+
+
+@kernel
+def _finish(
+    numbers: Numbers, law: Law, level: Level, stream: Stream, held: int, after: After, echoes: EchoArrays
+) -> None:
+    """Follow those who leave the pool behind the window, and look for echoes that reach beyond it."""
+    group, trails = after.chain.group, after.trails
+    for lane in range(held):
+        dirty = level.dirty * (numbers.bins - trails.state[END + lane])
+        number = binomial(secondary(stream, trails, lane), after.later[lane], dirty, after.chain.inverse)
+        follow_behind(numbers, law, level, stream, trails, lane, number, after.later[lane])
+        after.later[lane] -= number
+        rewind(stream, group.key[lane])
+        stream.counter[0] = group.block[lane]
+        dead, on = group.dead[lane], last_on(numbers, group, lane)
+        before, behind = group.draws[(RESERVE - 2) * LANES + lane], group.draws[(RESERVE - 1) * LANES + lane]
+        if not is_quiet(numbers, stream, after, lane, before, behind, dead, on):
+            i: Any = np.uint64(group.beam[lane])
+            look_around(numbers, level, stream, after, lane, i, echoes)
