@@ -39,6 +39,7 @@ __all__ = [
     "is_quiet",
     "looks_quiet",
     "place",
+    "search_through",
     "thin",
 ]
 
@@ -67,11 +68,13 @@ def _search(
     beside: int,
     threshold: int,
     record: bool,
+    through: bool,
 ) -> int:
     """Look for crowded neighbours among the blocks `first` ... `last - 1`; `beside` avalanches stand before them.
 
     One draw leads to the next large block, a geometric number of small ones away; only what stands beside a large
     block is drawn. Returns what was found; `record`: unless all are small, `held` tells what is known of each block.
+    `through`: go on behind neighbours that are crowded.
     """
     found, log_small, most_beside = _ALL_SMALL, blocks.log_small[0], threshold - blocks.small
     before, at = beside, first
@@ -79,7 +82,7 @@ def _search(
         found = _APART if before <= threshold else _CROWDED
         if record:
             blocks.held[first:last] = _FREE
-    while found == _APART and at < last:
+    while (found == _APART or (through and found == _CROWDED)) and at < last:
         far, small = before <= most_beside, 0
         if far:
             small = last - at
@@ -107,6 +110,15 @@ def _search(
             before = now
             at += 1
     return found
+
+
+@kernel
+def search_through(
+    blocks: Blocks, stream: Stream, draws: FloatArray, draw: float, first: Any, last: int, beside: int, threshold: int
+) -> None:
+    """Tell in `blocks.held` what is known of each of the blocks `first` ... `last - 1`: of crowded ones, all."""
+    if _search(blocks, stream, draws, draw, first, last, beside, threshold, True, True) == _ALL_SMALL:
+        blocks.held[first:last] = SMALL
 
 
 @kernel
@@ -236,7 +248,7 @@ def looks_quiet(
     for behind in range(2):
         draw, first, stop = (draw_behind, back, last) if behind else (draw_before, np.int64(0), back)
         beside = on_at_end if behind and end < numbers.bins else dead_at_begin if not behind and begin > 0 else 0
-        most = max(most, _search(blocks, stream, draws, draw, first, stop, beside, numbers.threshold, False))
+        most = max(most, _search(blocks, stream, draws, draw, first, stop, beside, numbers.threshold, False, False))
     return most != _CROWDED
 
 
@@ -265,8 +277,10 @@ def is_quiet(
     back, last = blocks_around(numbers, blocks, begin, end)
     beside_begin = dead_at_begin if begin > 0 else 0
     beside_end = on_at_end if end < numbers.bins else 0
-    before = _search(blocks, stream, draws, draw_before, np.int64(0), back, beside_begin, numbers.threshold, True)
-    behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, True)
+    before = _search(
+        blocks, stream, draws, draw_before, np.int64(0), back, beside_begin, numbers.threshold, True, False
+    )
+    behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, True, False)
     if before == _ALL_SMALL:
         blocks.held[:back] = SMALL
     if behind == _ALL_SMALL:

@@ -11,7 +11,7 @@ from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.exact.numbers import Numbers
 
-__all__ = ["EchoArrays", "find_echoes", "keep", "new_echoes"]
+__all__ = ["EchoArrays", "add_echoes", "find_echoes", "keep", "new_echoes"]
 
 
 class EchoArrays(NamedTuple):
@@ -62,12 +62,8 @@ def keep(echoes: EchoArrays, beam: int, centre: float, width: int, area: int, pe
 
 
 @inlined
-def find_echoes(numbers: Numbers, counts: IndexArray, begin: int, end: int, beam: int, echoes: EchoArrays) -> int:
-    """Echoes of the bins `begin` ... `end - 1`: maximal runs with more than `threshold` detectors ON.
-
-    Returns the detectors ON in the last bin, 0 where there is none.
-    """
-    echoes.held[beam] = 0
+def add_echoes(numbers: Numbers, counts: IndexArray, begin: int, end: int, beam: int, echoes: EchoArrays) -> int:
+    """The same beside those of earlier bins, which are kept."""
     on = 0
     for k in range(begin - numbers.on + 1, begin):
         on += counts[numbers.pad + k]
@@ -88,3 +84,13 @@ def find_echoes(numbers: Numbers, counts: IndexArray, begin: int, end: int, beam
             width = area = peak = moment = 0
         on -= counts[leaving + j]
     return last
+
+
+@inlined
+def find_echoes(numbers: Numbers, counts: IndexArray, begin: int, end: int, beam: int, echoes: EchoArrays) -> int:
+    """The beam's echoes, those of the bins `begin` ... `end - 1`: maximal runs with more than `threshold` detectors ON.
+
+    Returns the detectors ON in the last bin, 0 where there is none.
+    """
+    echoes.held[beam] = 0
+    return add_echoes(numbers, counts, begin, end, beam, echoes)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.exact import background as bg
 from lidarcheck.model.exact.abreast import Abreast, draw_entry, find_abreast, last_on, run_abreast
+from lidarcheck.model.exact.crowd import find_locally, is_local
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_pulses
@@ -122,7 +123,25 @@ def _look_closer(
     before, behind = group.draws[(RESERVE - 2) * LANES + lane], group.draws[(RESERVE - 1) * LANES + lane]
     _rewind_lane(group, stream, lane)
     dead, draws = group.dead[lane], scratch.draws
-    if not bg.is_quiet(numbers, scratch.blocks, stream, draws, before, behind, begin, end, dead, on):
+    if is_local(scratch.blocks, level.faint):
+        _copy(numbers, lane, scratch)
+        find_locally(
+            numbers,
+            scratch.blocks,
+            stream,
+            draws,
+            before,
+            behind,
+            begin,
+            end,
+            dead,
+            on,
+            scratch.rates,
+            scratch.counts,
+            i,
+            echoes,
+        )
+    elif not bg.is_quiet(numbers, scratch.blocks, stream, draws, before, behind, begin, end, dead, on):
         _copy(numbers, lane, scratch)
         look_around(numbers, stream, level, pulses, i, begin, end, scratch, echoes)
 

@@ -20,6 +20,7 @@ from lidarcheck.model.exact import background as bg
 from lidarcheck.model.exact.abreast import RESERVE, Abreast, new_abreast
 from lidarcheck.model.exact.binomial import binomial, inverses
 from lidarcheck.model.exact.blocks import Blocks, new_blocks, tabulate
+from lidarcheck.model.exact.crowd import find_locally, is_local
 from lidarcheck.model.exact.echoes import EchoArrays, find_echoes
 from lidarcheck.model.exact.haze_front import Front, look_up
 from lidarcheck.model.exact.haze_rates import haze_end
@@ -253,8 +254,14 @@ def simulate_alone(
         add_rates(pulses, i, begin, end, rates)
         chain(numbers, scratch, begin, end, dead)
     on_at_end = find_echoes(numbers, counts, begin, end, i, echoes)
+    block = stream.counter[0]
     if bg.is_quiet(numbers, blocks, stream, draws, before, behind, begin, end, dead, on_at_end):
         counts[numbers.pad + begin - numbers.dead : numbers.pad + end] = 0
+    elif is_local(blocks, level.faint):
+        stream.counter[0] = block
+        find_locally(
+            numbers, blocks, stream, draws, before, behind, begin, end, dead, on_at_end, rates, counts, i, echoes
+        )
     else:
         look_around(numbers, stream, level, pulses, i, begin, end, scratch, echoes)
 
