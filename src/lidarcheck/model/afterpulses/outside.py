@@ -87,7 +87,8 @@ def is_quiet(
     if not bg.are_small(behind, (last - back) * log_small):
         found = _look_up(stream, blocks, draws, special, behind, back, last, found)
     of_begin, of_end = dead if begin > 0 else 0, on if end < numbers.bins else 0
-    quiet = back == 0 or of_begin + others[0] + _most(blocks, np.int64(0)) <= threshold
+    quiet = of_begin <= threshold
+    quiet = quiet and (back == 0 or of_begin + others[0] + _most(blocks, np.int64(0)) <= threshold)
     quiet = quiet and (back == last or of_end + others[back] + _most(blocks, back) <= threshold)
     for n in range(found):
         block = special[n]
@@ -152,7 +153,7 @@ def _is_crowded(
     `others`: avalanches of followed detectors in each block; `of_begin`, `of_end`: avalanches just before the
     window and in its last bins. What small blocks hold is looked up where it can matter.
     """
-    crowded = False
+    crowded = of_begin > numbers.threshold
     for side in range(2):
         block, beside = (back, of_end) if side else (np.int64(0), of_begin)
         if block < (last if side else back):

@@ -74,7 +74,8 @@ def find_locally(
         elif blocks.held[j] != _THINNED and open_:
             add_echoes(numbers, counts, low, max(gap - (j + 1) * step + 1, low), i, echoes)
             open_ = False
-    low = low if open_ else begin
+    # Bins just before the window may be crowded by themselves, where there is no block before them.
+    low = low if open_ else max(min(gap + 1, begin), 0)
     high: Any = end
     for j in range(back, last):
         if blocks.held[j] == _THINNED:
