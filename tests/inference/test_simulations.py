@@ -20,8 +20,8 @@ def chip(tmp_path_factory):
     place = tmp_path_factory.mktemp("chip") / "case"
     write_case(CaseOrder(0, "null", 7, (), "medium", "TMF8820-short", "bench"), place, frames=3)
     case = load_case(place)
-    simulations = Simulations(case.frames, case.model, SEED)
-    simulations.keep_own(1)
+    simulations = Simulations(case.frames, SEED)
+    simulations.keep_own(case.model, 1)
     return case, simulations
 
 

@@ -69,11 +69,11 @@ def test_a_pane_has_the_whole_screen_and_gives_it_back(tmp_path):
             assert not any(other in text for other in others)
             # The fixed lines stay, and the pane has all between them.
             assert [text.splitlines()[row] for row in (0, -1)] == [before.splitlines()[row] for row in (0, -1)]
-            assert first.size == (80, 20)
+            await until(pilot, lambda first=first: first.size == (80, 20))
             # Another pane that is gone to has the whole screen then.
             await pilot.press("tab")
             await sees(app, pilot, f">[{app.focused.label}]")
-            assert app.focused.size == (80, 20)
+            await until(pilot, lambda: app.focused.size == (80, 20))
             await pilot.press("shift+tab", "z")
             await until(
                 pilot,
