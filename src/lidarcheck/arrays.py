@@ -10,13 +10,25 @@ import numpy.typing as npt
 
 from lidarcheck.errors import UsageError
 
-__all__ = ["BoolArray", "FloatArray", "IndexArray", "IntArray", "WordArray", "freeze", "freeze_extra"]
+__all__ = [
+    "BoolArray",
+    "FloatArray",
+    "IndexArray",
+    "IntArray",
+    "ShortArray",
+    "SingleArray",
+    "WordArray",
+    "freeze",
+    "freeze_extra",
+]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
 """Indices, counts and keys: 64 bits."""
 IntArray = npt.NDArray[np.int32]
 """Layers, points, materials and objects: 32 bits."""
+ShortArray = npt.NDArray[np.int16]
+SingleArray = npt.NDArray[np.float32]
 BoolArray = npt.NDArray[np.bool_]
 WordArray = npt.NDArray[np.uint64]
 

@@ -19,7 +19,18 @@ from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.elementary import angles, exponentials
 from lidarcheck.jit import inlined, kernel
 
-__all__ = ["ROUNDER", "bits_of", "cos", "exp", "from_bits", "interp", "log", "sin"]
+__all__ = [
+    "ROUNDER",
+    "bits_of",
+    "bits_of_single",
+    "cos",
+    "exp",
+    "from_bits",
+    "interp",
+    "log",
+    "sin",
+    "single_from_bits",
+]
 
 ROUNDER = 6755399441055744.0
 """1.5 x 2^52: what is added to it is rounded to a whole number, which then stands in the last bits of the sum."""
@@ -54,8 +65,28 @@ def _from_bits(typing_context: Any, bits: Any) -> Any:
     return types.float64(types.int64), codegen
 
 
+def _bits_of_single(typing_context: Any, number: Any) -> Any:
+    """The 32 bits of a number in single precision as a whole number."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.bitcast(args[0], ir.IntType(32))
+
+    return types.int32(types.float32), codegen
+
+
+def _single_from_bits(typing_context: Any, bits: Any) -> Any:
+    """The number in single precision that has these 32 bits."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.bitcast(builder.trunc(args[0], ir.IntType(32)), ir.FloatType())
+
+    return types.float32(types.int64), codegen
+
+
 bits_of: Any = intrinsic(_bits_of)
 from_bits: Any = intrinsic(_from_bits)
+bits_of_single: Any = intrinsic(_bits_of_single)
+single_from_bits: Any = intrinsic(_single_from_bits)
 
 
 @kernel

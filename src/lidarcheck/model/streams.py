@@ -28,6 +28,8 @@ __all__ = [
     "fill",
     "fill_abreast",
     "fill_four",
+    "fill_twice",
+    "fill_twice_abreast",
     "new_stream",
     "philox",
     "purpose_key",
@@ -111,6 +113,31 @@ def fill(stream: Stream, draws: npt.NDArray[np.float64], count: int) -> None:
 
 
 @inlined
+def _turned(word: Any) -> Any:
+    """A word with its halves exchanged."""
+    return (word << _HALF) | (word >> _HALF)
+
+
+@kernel
+def fill_twice(stream: Stream, draws: npt.NDArray[np.float64], count: int) -> None:
+    """`fill` with two draws of each word, eight of a block: of the word, and of the word with its halves exchanged.
+
+    Each draw is a uniform number as fine as any; the two of a word are independent to 32 bits: whoever asks whether
+    they lie above some limits sees a dependence with a chance of 2^-32 for each limit.
+    """
+    key0, key1 = stream.key[0], stream.key[1]
+    block, beam, frame, branch = stream.counter[0], stream.counter[1], stream.counter[2], stream.counter[3]
+    for at in range(0, count, 8):
+        first, second, third, fourth = philox(key0, key1, block, beam, frame, branch)
+        draws[at], draws[at + 1] = unit(first), unit(_turned(first))
+        draws[at + 2], draws[at + 3] = unit(second), unit(_turned(second))
+        draws[at + 4], draws[at + 5] = unit(third), unit(_turned(third))
+        draws[at + 6], draws[at + 7] = unit(fourth), unit(_turned(fourth))
+        block += _ONE
+    stream.counter[0] = block
+
+
+@inlined
 def fill_four(stream: Stream, draws: npt.NDArray[np.float64]) -> None:
     """`fill` with a count of one to four, for where few draws decide whether there are more."""
     key, counter = stream.key, stream.counter
@@ -137,6 +164,24 @@ def _round(x0: Any, x1: Any, x2: Any, x3: Any, k0: Any, k1: Any) -> Any:
     return high1 ^ x1 ^ k0, low1, high0 ^ x3 ^ k1, low0
 
 
+@inlined
+def _words_abreast(stream: Stream, beams: npt.NDArray[np.uint64], block: Any, words: npt.NDArray[np.uint64]) -> None:
+    """A block of four words of each of `LANES` beams: word k of beam i stands at k * LANES + i."""
+    frame = stream.counter[2]
+    for lane in range(_LANES):
+        words[_X0 + lane], words[_X1 + lane] = block, beams[lane]
+        words[_X2 + lane], words[_X3 + lane] = frame, np.uint64(0)
+    k0, k1 = stream.key[0], stream.key[1]
+    for _ in range(_ROUNDS // 2):
+        for lane in range(_LANES):
+            x = words[_X0 + lane], words[_X1 + lane], words[_X2 + lane], words[_X3 + lane]
+            x = _round(x[0], x[1], x[2], x[3], k0, k1)
+            x = _round(x[0], x[1], x[2], x[3], k0 + _W0, k1 + _W1)
+            words[_X0 + lane], words[_X1 + lane], words[_X2 + lane], words[_X3 + lane] = x
+        k0 += _W0 + _W0
+        k1 += _W1 + _W1
+
+
 @kernel
 def fill_abreast(
     stream: Stream,
@@ -149,23 +194,29 @@ def fill_abreast(
 
     `draws`, flat: draw k of beam i stands at k * LANES + i. `words` (4 LANES,) is work space. `stream` stays as it is.
     """
-    frame = stream.counter[2]
     for block in range(np.uint64(blocks)):
-        for lane in range(_LANES):
-            words[_X0 + lane], words[_X1 + lane] = block, beams[lane]
-            words[_X2 + lane], words[_X3 + lane] = frame, np.uint64(0)
-        k0, k1 = stream.key[0], stream.key[1]
-        for _ in range(_ROUNDS // 2):
-            for lane in range(_LANES):
-                x = words[_X0 + lane], words[_X1 + lane], words[_X2 + lane], words[_X3 + lane]
-                x = _round(x[0], x[1], x[2], x[3], k0, k1)
-                x = _round(x[0], x[1], x[2], x[3], k0 + _W0, k1 + _W1)
-                words[_X0 + lane], words[_X1 + lane], words[_X2 + lane], words[_X3 + lane] = x
-            k0 += _W0 + _W0
-            k1 += _W1 + _W1
+        _words_abreast(stream, beams, block, words)
         first = block * (_X3 + _LANES)
         for k in range(_X3 + _LANES):
             draws[first + k] = np.float64(words[k] >> _ELEVEN) * _UNIT
+
+
+@inlined
+def fill_twice_abreast(
+    stream: Stream,
+    beams: npt.NDArray[np.uint64],
+    blocks: int,
+    words: npt.NDArray[np.uint64],
+    draws: npt.NDArray[np.float64],
+) -> None:
+    """The first 8 `blocks` draws of each of `LANES` beams: what `fill_twice` writes for one; see `fill_abreast`."""
+    for block in range(np.uint64(blocks)):
+        _words_abreast(stream, beams, block, words)
+        for word in range(np.uint64(4)):
+            row, first = word * _LANES, (np.uint64(8) * block + np.uint64(2) * word) * _LANES
+            for lane in range(_LANES):
+                draws[first + lane] = np.float64(words[row + lane] >> _ELEVEN) * _UNIT
+                draws[first + _LANES + lane] = np.float64(_turned(words[row + lane]) >> _ELEVEN) * _UNIT
 
 
 @kernel

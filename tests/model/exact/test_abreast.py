@@ -9,9 +9,11 @@ import pytest
 
 from lidarcheck.model import lane_math, simulate, streams
 from lidarcheck.model.exact import kernel, listing
+from lidarcheck.model.exact.binomial import binomial, inverses
 from lidarcheck.model.exact.echoes import EchoArrays, new_echoes
 from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.exact.pulses import pulses_of
+from lidarcheck.model.exact.quick_sums import ROWS, settle
 from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Light, Scan
@@ -37,6 +39,24 @@ def apply(function, x, out):  # type: ignore[no-untyped-def]
         out[k] = function(x[k])
 
 
+@numba.njit
+def apply_fill(function, stream, beams, blocks, words, draws):  # type: ignore[no-untyped-def]
+    function(stream, beams, blocks, words, draws)
+
+
+@numba.njit
+def apply_settle(rates, draws, armed, detectors, inverse, found, open_):  # type: ignore[no-untyped-def]
+    lanes, sums = np.zeros(2 * LANES, dtype=np.int16), np.zeros(ROWS * LANES, dtype=np.float32)
+    single = inverse.astype(np.float32)
+    for first in range(0, len(rates), LANES):
+        row = np.uint64(first)
+        lanes[:LANES] = armed[first : first + LANES]
+        mask = settle(rates, row, draws, row, single, lanes, sums, detectors)
+        for lane in range(LANES):
+            found[first + lane] = lanes[LANES + lane]
+            open_[first + lane] = (mask >> np.uint64(lane)) & np.uint64(1) != 0
+
+
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_exponentials_and_logarithms_are_right_to_the_last_digits(name: str) -> None:
     function, exact, x = FUNCTIONS[name]
@@ -49,15 +69,46 @@ def test_exponentials_and_logarithms_are_right_to_the_last_digits(name: str) -> 
     assert max(errors) < 1e-15
 
 
-def test_draws_side_by_side_are_those_of_each_beam() -> None:
+@pytest.mark.parametrize("twice", [False, True])
+def test_draws_side_by_side_are_those_of_each_beam(twice: bool) -> None:
     stream = streams.new_stream(2**63 + 5, "spads", 2**64 - 7)
     beams = np.random.default_rng(1).integers(0, 2**63, LANES, dtype=np.uint64)
-    together, alone = np.empty(20 * LANES), np.empty(20)
-    streams.fill_abreast(stream, beams, 5, np.zeros(4 * LANES, dtype=np.uint64), together)
+    blocks, a_block = 5, 8 if twice else 4
+    together, alone = np.empty(blocks * a_block * LANES), np.empty(blocks * a_block)
+    fill_abreast = streams.fill_twice_abreast if twice else streams.fill_abreast
+    apply_fill(fill_abreast, stream, beams, blocks, np.zeros(4 * LANES, dtype=np.uint64), together)
     for lane, beam in enumerate(beams):
         streams.rewind(stream, beam)
-        streams.fill(stream, alone, 20)
+        (streams.fill_twice if twice else streams.fill)(stream, alone, len(alone))
         assert np.array_equal(together[lane::LANES], alone)
+    if twice:
+        streams.rewind(stream, beams[-1])
+        streams.fill(stream, alone, blocks * 4)
+        assert np.array_equal(alone[: blocks * 4], together[LANES - 1 :: 2 * LANES])
+        halves = np.floor(2.0**32 * together[LANES - 1 :: LANES]).reshape(-1, 2)
+        # The second draw of a word begins with what the first ends with.
+        assert np.array_equal(halves[:, 1] // 2**11, np.floor(2.0**53 * alone[: blocks * 4]) % 2**21)
+
+
+def test_sums_in_single_precision_settle_numbers_as_binomial_finds_them() -> None:
+    """Over all brightness, with uniform numbers that crowd at both ends; next to all of the others are settled."""
+    rng, rows = np.random.default_rng(7), 1500
+    for detectors in (1, 9, 135, 315, 800):
+        n = rows * LANES
+        rates = 10.0 ** np.where(rng.random(n) < 0.5, rng.uniform(-5.0, 0.5, n), rng.uniform(-1.0, 4.0, n))
+        rates[::50] = np.log(2.0) * rng.choice([1.0, 1 - 1e-12, 1 + 1e-12, 1 - 1e-6, 1 + 1e-6], len(rates[::50]))
+        draws, crowded = rng.random(n), rng.random(n) < 0.2
+        draws[crowded] = 10.0 ** rng.uniform(-15.0, 0.0, crowded.sum())
+        draws[crowded] = np.where(rng.random(crowded.sum()) < 0.5, draws[crowded], 1.0 - draws[crowded])
+        armed = rng.integers(0, detectors + 1, n)
+        found, open_ = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.bool_)
+        apply_settle(rates, draws, armed, detectors, inverses(detectors), found, open_)
+        truth = np.array(
+            [binomial(*row, inverses(detectors)) for row in zip(draws, armed.tolist(), rates, strict=True)]
+        )
+        assert np.array_equal(found[~open_], truth[~open_])
+        faint = ~crowded & (rates * detectors < 100.0) & (rates < 0.6)
+        assert open_[faint].mean() < 0.02
 
 
 def light(n: int, background: float | np.ndarray, pulses: int, spread_m: float, brightest: float) -> Light:

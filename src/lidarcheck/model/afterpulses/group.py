@@ -38,7 +38,7 @@ from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_pulses
 from lidarcheck.model.exact.single import place_dead
 from lidarcheck.model.lane_math import LANES
-from lidarcheck.model.streams import Stream, fill, fill_abreast, rewind, skip
+from lidarcheck.model.streams import Stream, fill_twice, fill_twice_abreast, rewind, skip
 
 __all__ = ["simulate_group"]
 
@@ -85,7 +85,7 @@ def simulate_group(
         after.later[lane] = _pool_at_end(numbers, bins, lane, after)
     find_abreast(numbers, group, bins, held, echoes)
     _finish(numbers, law, level, stream, held, after, echoes)
-    group.counts[: (numbers.dead + bins) * LANES] = 0.0
+    group.counts[: (numbers.dead + bins) * LANES] = 0
     after.trails.back[: (numbers.dead + bins) * LANES] = 0.0
 
 
@@ -94,11 +94,11 @@ def _draw(stream: Stream, bins: int, held: int, after: After) -> None:
     """The draws of the first stream for all lanes, as the exact chain has them."""
     group, draws = after.chain.group, after.chain.draws
     if held >= _FEW:
-        fill_abreast(stream, group.key, (RESERVE + bins + 3) // 4, group.words, group.draws)
+        fill_twice_abreast(stream, group.key, (RESERVE + bins + 7) // 8, group.words, group.draws)
     else:
         for lane in range(held):
             rewind(stream, group.key[lane])
-            fill(stream, draws, RESERVE + bins)
+            fill_twice(stream, draws, RESERVE + bins)
             for k in range(RESERVE + bins):
                 group.draws[k * LANES + lane] = draws[k]
 
@@ -119,7 +119,7 @@ def _enter(numbers: Numbers, law: Law, level: Level, stream: Stream, held: int, 
         dead = binomial(group.draws[lane], after.pool[lane], level.dead_rate, chain.inverse)
         group.state[ARMED + np.uint64(lane)] = after.pool[lane] - dead
         rewind(stream, group.key[lane])
-        skip(stream, RESERVE + group.length[lane])
+        skip(stream, (RESERVE + group.length[lane] + 1) // 2)
         if dead > 0:
             for k in range(1, RESERVE - 2):
                 chain.draws[k] = group.draws[k * LANES + lane]

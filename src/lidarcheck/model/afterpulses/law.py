@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck import elementary
-from lidarcheck.arrays import FloatArray, IndexArray, WordArray
+from lidarcheck.arrays import FloatArray, IndexArray, ShortArray, WordArray
 from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.detectors.array import detectors_of
 from lidarcheck.model.exact.abreast import MOST_BINS, MOST_DETECTORS
@@ -96,7 +96,7 @@ class Trails(NamedTuple):
     """
 
     rates: FloatArray
-    counts: FloatArray
+    counts: ShortArray
     back: FloatArray
     room: int
     outside: npt.NDArray[np.int32]
@@ -254,7 +254,7 @@ def record(numbers: Numbers, trails: Trails, lane: int, bin_: int) -> None:
     state = trails.state
     begin, end = state[BEGIN + lane], state[END + lane]
     if bin_ > begin - numbers.dead and bin_ < end:
-        trails.counts[(numbers.dead + bin_ - begin) * LANES + lane] += 1.0
+        trails.counts[(numbers.dead + bin_ - begin) * LANES + lane] += 1
     if (bin_ < begin or bin_ >= end) and bin_ >= -numbers.pad:
         trails.outside[lane * trails.room + state[POINTS + lane]] = bin_
         state[POINTS + lane] += 1

@@ -2,8 +2,9 @@
 
 The chain of a single beam waits: a bin's avalanches must be known before the next bin's can be drawn, and each draw is
 a guess that the processor gets wrong. Beams do not wait for each other, and sums and products of many of them cost what
-those of one do. Bins are counted from each beam's own window; what each lane works out is, to the last bit, what
-`binomial` does for its beam alone, so that neighbours cannot matter.
+those of one do. Bins are counted from each beam's own window. Of most bins, few lanes have an avalanche: these are
+drawn by `binomial`, and of brighter bins all lanes at once, to the same number (`quick_sums.py`). What each lane gets
+is, to the last bit, what its beam gets alone, so that neighbours cannot matter.
 
 Arrays are flat: number `row * LANES + lane`. A constant distance between rows is what tells the compiler that they do
 not overlap.
@@ -15,12 +16,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lidarcheck.arrays import FloatArray, IndexArray, WordArray
+from lidarcheck.arrays import FloatArray, IndexArray, IntArray, ShortArray, SingleArray, WordArray
 from lidarcheck.jit import inlined, kernel
-from lidarcheck.model.exact.binomial import BELOW_ONE
+from lidarcheck.model.exact import quick_sums
+from lidarcheck.model.exact.binomial import binomial, inverses
 from lidarcheck.model.exact.echoes import EchoArrays, keep
 from lidarcheck.model.exact.numbers import Numbers
-from lidarcheck.model.lane_math import LANES, LN2, exp, expm1, log1m
+from lidarcheck.model.lane_math import LANES
+from lidarcheck.model.rows import add_echo, add_row, clear_row, fire_row, how_many, lowest, on_row, open_row, take_row
 
 __all__ = [
     "ARMED",
@@ -45,26 +48,35 @@ MOST_DETECTORS = 800
 """Up to here P(K = 0) cannot underflow, and `binomial` sums from one end."""
 
 _LANES: Any = np.uint64(LANES)
-_ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
-ARMED, _TERM, _ODDS, _GROWTH, _LEFT, COUNT = (np.uint64(k * LANES) for k in range(6))
-_ON, _LENGTH, _BEFORE, _WIDTH, _AREA, _MOMENT, _PEAK = (np.uint64(k * LANES) for k in range(7))
+_FIRST, _ONE = np.uint64(0), np.uint64(1)
+ARMED, COUNT, _ON, _LAST, _LENGTH = (np.uint64(k * LANES) for k in range(5))
 """Rows of `state`: those of the chain, and those of the search for echoes behind it."""
+_WIDTH, _AREA, _PEAK = (np.uint64(k * LANES) for k in range(3))
+"""Rows of `echo`."""
+_MOST_THRESHOLD = 32767
+"""Rows hold numbers of 16 bits."""
+_FEW = 3
+"""Lanes with an avalanche up to which it is faster to draw them one by one."""
 
 
 class Abreast(NamedTuple):
     """Work space of a group.
 
     Flat arrays, a row of `LANES` for each bin: `rates`, avalanches per armed SPAD from the window's first bin on;
-    `draws`, those set aside first; `counts`, avalanches from `dead` bins before the window on. `state`: what is known
-    of each lane. Shape (LANES,): each lane's `beam`, the window's `begin` and `length` [bins], the detectors `dead` on
-    entry, the `key` that streams know the beam by, and the `block` of draws where its stream stands; `alone`: beams to
-    be simulated on their own. `words`: work space of draws.
+    `draws`, those set aside first; `counts`, avalanches from `dead` bins before the window on. What is known of each
+    lane, a row for each thing: `state`; `sums`, see `quick_sums`; `echo`, the width, area and peak of the echo that
+    goes on, and its `moment`. Shape (LANES,): each lane's `beam`, the window's `begin` and `length` [bins], the
+    detectors `dead` on entry, the `key` that streams know the beam by, and the `block` of draws where its stream
+    stands; `alone`: beams to be simulated on their own. `words`: work space of draws. `inverse`: 1 / k.
     """
 
     rates: FloatArray
     draws: FloatArray
-    counts: FloatArray
-    state: FloatArray
+    counts: ShortArray
+    state: ShortArray
+    sums: SingleArray
+    echo: IntArray
+    moment: FloatArray
     beam: IndexArray
     begin: IndexArray
     length: IndexArray
@@ -73,6 +85,7 @@ class Abreast(NamedTuple):
     key: WordArray
     block: WordArray
     words: WordArray
+    inverse: SingleArray
 
 
 def new_abreast(numbers: Numbers) -> Abreast:
@@ -82,9 +95,12 @@ def new_abreast(numbers: Numbers) -> Abreast:
     key, block = np.zeros((2, LANES), dtype=np.uint64)
     return Abreast(
         np.zeros(bins * LANES),
-        np.zeros((RESERVE + bins + 4) * LANES),
-        np.zeros((numbers.dead + bins) * LANES),
-        np.zeros(8 * LANES),
+        np.zeros((RESERVE + bins + 8) * LANES),
+        np.zeros((numbers.dead + bins) * LANES, dtype=np.int16),
+        np.zeros(5 * LANES, dtype=np.int16),
+        np.zeros(quick_sums.ROWS * LANES, dtype=np.float32),
+        np.zeros(3 * LANES, dtype=np.int32),
+        np.zeros(LANES),
         beam,
         begin,
         length,
@@ -93,125 +109,43 @@ def new_abreast(numbers: Numbers) -> Abreast:
         key,
         block,
         np.zeros(4 * LANES, dtype=np.uint64),
+        inverses(numbers.detectors).astype(np.float32),
     )
 
 
 @inlined
-def _open(group: Abreast, bin_: Any, draw: Any) -> Any:
-    """In how many lanes there may be avalanches, and in how many most detectors avalanche."""
-    rates, draws, state = group.rates, group.draws, group.state
-    some = bright = 0
-    for lane in range(_LANES):
-        armed, rate = state[ARMED + lane], rates[bin_ + lane]
-        # exp(-x) >= 1 - x: most quiet bins are settled without an exponential.
-        some += 1 if draws[draw + lane] >= 1.0 - armed * rate else 0
-        bright += 1 if rate >= LN2 and armed > 0.0 else 0
-    return some, bright
-
-
-@inlined
-def _begin(group: Abreast, bin_: Any, draw: Any) -> int:
-    """Set up the sums of a bin where the avalanches are counted; how many lanes have any."""
-    rates, draws, state = group.rates, group.draws, group.state
-    left = 0
-    for lane in range(_LANES):
-        armed, rate = state[ARMED + lane], rates[bin_ + lane]
-        uniform = draws[draw + lane] * BELOW_ONE
-        zero = exp(-armed * rate)
-        odds = expm1(rate)
-        state[_TERM + lane] = zero
-        state[_ODDS + lane] = odds
-        state[_GROWTH + lane] = odds * (armed + 1.0)
-        state[_LEFT + lane] = uniform if uniform >= zero else -1.0
-        state[COUNT + lane] = 0.0
-        left += 1 if uniform >= zero else 0
-    return left
-
-
-@inlined
-def _begin_bright(group: Abreast, bin_: Any, draw: Any) -> int:
-    """The same for a bin where, in some lanes, the detectors are counted that do not avalanche."""
-    rates, draws, state = group.rates, group.draws, group.state
-    left = 0
-    for lane in range(_LANES):
-        armed, rate = state[ARMED + lane], rates[bin_ + lane]
-        uniform = draws[draw + lane] * BELOW_ONE
-        miss = exp(-(rate if rate < 600.0 else 600.0))
-        most = rate >= LN2
-        zero = exp(armed * (log1m(miss if most else 0.5) if most else -rate))
-        odds = miss / (1.0 - miss) if most else expm1(rate if rate < 1.0 else 1.0)
-        state[_TERM + lane] = zero
-        state[_ODDS + lane] = odds
-        state[_GROWTH + lane] = odds * (armed + 1.0)
-        state[_LEFT + lane] = uniform if uniform >= zero else -1.0
-        state[COUNT + lane] = 0.0
-        left += 1 if uniform >= zero else 0
-    return left
-
-
-@inlined
-def _step(group: Abreast, inverse: FloatArray, k: Any) -> int:
-    """Four terms of the sums from P(K = k) on, as in `binomial`; how many lanes have not found their number yet.
-
-    A lane that has is left with -1, which is below every term.
-    """
-    state = group.state
-    first, second, third, fourth = inverse[k + _ONE], inverse[k + _TWO], inverse[k + _THREE], inverse[k + _FOUR]
-    left = 0
-    for lane in range(_LANES):
-        odds, growth = state[_ODDS + lane], state[_GROWTH + lane]
-        term, uniform = state[_TERM + lane], state[_LEFT + lane]
-        one = growth * first - odds
-        two = one * (growth * second - odds)
-        ratio = growth * third - odds
-        three = two * ratio
-        four = two * (ratio * (growth * fourth - odds))
-        up_to_one = 1.0 + one
-        up_to_two = up_to_one + two
-        step = term * (up_to_two + three)
-        above = 1.0 if uniform >= term else 0.0
-        above += 1.0 if uniform >= term * up_to_one else 0.0
-        above += 1.0 if uniform >= term * up_to_two else 0.0
-        above += 1.0 if uniform >= step else 0.0
-        state[COUNT + lane] += above
-        state[_LEFT + lane] = uniform - step if uniform >= step else -1.0
-        state[_TERM + lane] = term * four
-        left += 1 if uniform >= step else 0
-    return left
-
-
-@kernel
 def draw_counts(group: Abreast, bin_: Any, draw: Any, inverse: FloatArray, detectors: int) -> bool:
     """One number for each lane, as `binomial` draws it, into `COUNT`; False where all of them are 0."""
-    some, bright = _open(group, bin_, draw)
-    if some + bright == 0:
+    rates, draws, state = group.rates, group.draws, group.state
+    # With two trials or more, bins so bright that the trials are counted that do not fire are always open.
+    open_ = open_row(draws, draw, rates, bin_, float(max(detectors, 2)))
+    if open_ == 0:
         return False
-    left = _begin(group, bin_, draw) if bright == 0 else _begin_bright(group, bin_, draw)
-    term, last = np.uint64(0), np.uint64(detectors)
-    while left > 0 and term <= last:
-        left = _step(group, inverse, term)
-        term += _FOUR
-    rates, state = group.rates, group.state
-    for lane in range(_LANES):
-        armed, count = state[ARMED + lane], state[COUNT + lane]
-        count = count if count < armed else armed
-        state[COUNT + lane] = armed - count if rates[bin_ + lane] >= LN2 else count
+    if how_many(open_) <= _FEW:
+        clear_row(state, COUNT)
+    else:
+        open_ = quick_sums.settle(rates, bin_, draws, draw, group.inverse, state, group.sums, detectors)
+    while open_ != 0:
+        lane = lowest(open_)
+        open_ &= open_ - _ONE
+        armed: Any = np.int64(state[ARMED + lane])
+        state[COUNT + lane] = binomial(draws[draw + lane], armed, rates[bin_ + lane], inverse)
     return True
 
 
-@kernel
+@inlined
 def draw_entry(numbers: Numbers, group: Abreast, dead_rate: float, held: int, inverse: FloatArray) -> None:
     """Draw how many detectors of the first `held` lanes are dead on entry, from draw 0; uses the first row of rates."""
     rates, state, dead = group.rates, group.state, group.dead
     for lane in range(_LANES):
         rates[lane] = dead_rate
         state[ARMED + lane] = numbers.detectors if lane < held else 0
-    some = draw_counts(group, np.uint64(0), np.uint64(0), inverse, numbers.detectors)
+    some = draw_counts(group, _FIRST, _FIRST, inverse, numbers.detectors)
     for lane in range(_LANES):
         dead[lane] = np.int64(state[COUNT + lane]) if some else 0
 
 
-@kernel
+@inlined
 def run_abreast(numbers: Numbers, group: Abreast, bins: int, inverse: FloatArray) -> None:
     """Run the avalanche counts of all lanes through the first `bins` bins of their windows."""
     counts, state = group.counts, group.state
@@ -220,87 +154,62 @@ def run_abreast(numbers: Numbers, group: Abreast, bins: int, inverse: FloatArray
     window, first_draw = np.uint64(numbers.dead) * _LANES, np.uint64(RESERVE * LANES)
     for k in range(np.uint64(bins)):
         bin_ = k * _LANES
-        for lane in range(_LANES):
-            state[ARMED + lane] += counts[bin_ + lane]
-        some = draw_counts(group, bin_, first_draw + bin_, inverse, numbers.detectors)
-        for lane in range(_LANES):
-            fired = state[COUNT + lane] if some else 0.0
-            counts[window + bin_ + lane] = fired
-            state[ARMED + lane] -= fired
-
-
-@kernel
-def find_abreast(numbers: Numbers, group: Abreast, bins: int, held: int, echoes: EchoArrays) -> None:
-    """Find the echoes in the first `bins` bins of the first `held` lanes' windows: what `find_echoes` does for each.
-
-    A lane's echo is written down when the next one begins, or at last: most lanes have one.
-    """
-    counts, state, length = group.counts, group.state, group.length
-    window = np.uint64(numbers.dead) * _LANES
-    leaving = np.uint64(numbers.dead - numbers.on + 1) * _LANES
-    threshold = float(numbers.threshold)
-    state[:] = 0.0
-    for lane in range(held):
-        echoes.held[np.uint64(group.beam[lane])] = 0
-    for lane in range(_LANES):
-        state[_LENGTH + lane] = length[lane]
-    for k in range(leaving, window, _LANES):
-        for lane in range(_LANES):
-            state[_ON + lane] += counts[k + lane]
-    for k in range(np.uint64(bins)):
-        bin_, time = k * _LANES, float(k)
-        high = 0
-        for lane in range(_LANES):
-            on = state[_ON + lane] + counts[window + bin_ + lane]
-            state[_ON + lane] = on
-            high += 1 if on > threshold or state[_BEFORE + lane] > 0.0 else 0
-        if high > 0:
-            _add_bin(group, time, threshold, echoes)
-        for lane in range(_LANES):
-            state[_ON + lane] -= counts[leaving + bin_ + lane]
-    for lane in range(_LANES):
-        _keep_pending(group, lane, echoes)
+        add_row(state, ARMED, counts, bin_)
+        if draw_counts(group, bin_, first_draw + bin_, inverse, numbers.detectors):
+            fire_row(state, ARMED, state, COUNT, counts, window + bin_)
+        else:
+            clear_row(counts, window + bin_)
 
 
 @inlined
-def _add_bin(group: Abreast, bin_: float, threshold: float, echoes: EchoArrays) -> None:
-    """Add what a bin has above the threshold to the sums of each lane, within its own window."""
-    state = group.state
-    again = 0
+def find_abreast(numbers: Numbers, group: Abreast, bins: int, held: int, echoes: EchoArrays) -> None:
+    """Find the echoes in the first `bins` bins of the first `held` lanes' windows; keep what is ON last for `last_on`.
+
+    A lane's echo is written down when the next one begins, or at last: most lanes have one.
+    """
+    counts, state = group.counts, group.state
+    window = np.uint64(numbers.dead) * _LANES
+    leaving = np.uint64(numbers.dead - numbers.on + 1) * _LANES
+    clear_row(state, _ON)
+    clear_row(state, _LAST)
     for lane in range(_LANES):
-        begins = state[_ON + lane] > threshold and state[_BEFORE + lane] <= 0.0
-        again += 1 if begins and state[_WIDTH + lane] > 0.0 else 0
-    if again > 0:
-        for lane in range(_LANES):
-            if state[_ON + lane] > threshold and state[_BEFORE + lane] <= 0.0:
-                _keep_pending(group, lane, echoes)
-    for lane in range(_LANES):
-        on = state[_ON + lane]
-        above = on if on > threshold and bin_ < state[_LENGTH + lane] else 0.0
-        state[_BEFORE + lane] = above
-        state[_WIDTH + lane] += 1.0 if above > 0.0 else 0.0
-        state[_AREA + lane] += above
-        state[_MOMENT + lane] += above * bin_
-        state[_PEAK + lane] = above if above > state[_PEAK + lane] else state[_PEAK + lane]
+        state[_LENGTH + lane] = group.length[lane] if lane < held else 0
+    for lane in range(held):
+        echoes.held[np.uint64(group.beam[lane])] = 0
+    for k in range(leaving, window, _LANES):
+        add_row(state, _ON, counts, k)
+    pending = before = np.uint64(0)
+    threshold = min(np.int64(numbers.threshold), np.int64(_MOST_THRESHOLD))
+    for k in range(np.uint64(bins)):
+        bin_ = k * _LANES
+        above = on_row(state, _ON, counts, window + bin_, state, _LENGTH, np.int64(k), threshold)
+        if above != 0:
+            ended = above & ~before & pending
+            if ended != 0:
+                _keep_all(group, ended, echoes)
+            add_echo(state, _ON, group.echo, _FIRST, group.moment, _FIRST, above, np.int64(k))
+            pending |= above
+        before = above
+        take_row(state, _ON, counts, leaving + bin_)
+    _keep_all(group, pending, echoes)
+
+
+@kernel
+def _keep_all(group: Abreast, mask: Any, echoes: EchoArrays) -> None:
+    """Write down the echoes that the lanes of a mask have ended."""
+    echo, moment = group.echo, group.moment
+    while mask != 0:
+        lane = lowest(mask)
+        mask &= mask - _ONE
+        width, area, peak = int(echo[_WIDTH + lane]), int(echo[_AREA + lane]), int(echo[_PEAK + lane])
+        centre = group.begin[lane] + 0.5 + moment[lane] / area
+        beam: Any = np.uint64(group.beam[lane])
+        keep(echoes, beam, centre, width, area, peak)
+        echo[_WIDTH + lane] = echo[_AREA + lane] = echo[_PEAK + lane] = 0
+        moment[lane] = 0.0
 
 
 @inlined
 def last_on(numbers: Numbers, group: Abreast, lane: int) -> int:
-    """Detectors ON in the last bin of a lane's window, 0 where it has none."""
-    on, length = 0.0, group.length[lane]
-    if length > 0:
-        for age in range(numbers.on):
-            on += group.counts[(numbers.dead + length - 1 - age) * LANES + lane]
-    return int(on)
-
-
-@kernel
-def _keep_pending(group: Abreast, lane: Any, echoes: EchoArrays) -> None:
-    """Write down the echo that a lane has ended, if there is one."""
-    state = group.state
-    if state[_WIDTH + lane] > 0.0:
-        beam: Any = np.uint64(group.beam[lane])
-        width, area, peak = int(state[_WIDTH + lane]), int(state[_AREA + lane]), int(state[_PEAK + lane])
-        keep(echoes, beam, group.begin[lane] + 0.5 + state[_MOMENT + lane] / state[_AREA + lane], width, area, peak)
-        for row in (_WIDTH, _AREA, _MOMENT, _PEAK):
-            state[row + lane] = 0.0
+    """Detectors ON in the last bin of a lane's window, 0 where it has none, as `find_abreast` has found them."""
+    return int(group.state[_LAST + np.uint64(lane)])

@@ -16,7 +16,7 @@ from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_pulses
 from lidarcheck.model.exact.single import RESERVE, BackgroundLevel, Scratch, look_around, place_dead
 from lidarcheck.model.lane_math import LANES
-from lidarcheck.model.streams import Stream, fill_abreast, rewind, skip
+from lidarcheck.model.streams import Stream, fill_twice_abreast, rewind
 
 __all__ = ["simulate_group"]
 
@@ -41,7 +41,7 @@ def simulate_group(
     for lane in range(held):
         group.key[lane] = beams[np.uint64(group.beam[lane])]
         bins = max(bins, group.length[lane])
-    fill_abreast(stream, group.key, (RESERVE + bins + 3) // 4, group.words, group.draws)
+    fill_twice_abreast(stream, group.key, (RESERVE + bins + 7) // 8, group.words, group.draws)
     draw_entry(numbers, group, level.dead_rate, held, scratch.inverse)
     group.rates[: bins * LANES] = level.per_bin
     for lane in range(LANES):
@@ -56,22 +56,34 @@ def simulate_group(
     find_abreast(numbers, group, bins, held, echoes)
     for lane in range(held):
         _finish(numbers, stream, level, pulses, lane, scratch, echoes)
-    group.counts[: numbers.dead * LANES] = 0.0
+    group.counts[: numbers.dead * LANES] = 0
 
 
 @inlined
 def _enter(numbers: Numbers, stream: Stream, lane: int, scratch: Scratch) -> None:
     """Put the avalanches before the window where they belong; `block` is the first that the beam has not used yet."""
+    group = scratch.group
+    dead = group.dead[lane]
+    group.block[lane] = np.uint64((RESERVE + group.length[lane] + 7) // 8)
+    if dead <= RESERVE - 3:
+        for k in range(1, dead + 1):
+            age = 1 + int(group.draws[k * LANES + lane] * (numbers.dead - 1))
+            group.counts[(numbers.dead - age) * LANES + lane] += 1
+    else:
+        _enter_many(numbers, stream, lane, scratch)
+
+
+@kernel
+def _enter_many(numbers: Numbers, stream: Stream, lane: int, scratch: Scratch) -> None:
+    """The same for more detectors that are dead than draws are set aside for."""
     group, counts = scratch.group, scratch.counts
-    rewind(stream, group.key[lane])
-    skip(stream, RESERVE + group.length[lane])
-    if group.dead[lane] > 0:
-        for k in range(1, RESERVE - 2):
-            scratch.draws[k] = group.draws[k * LANES + lane]
-        place_dead(numbers, stream, scratch, group.dead[lane], 0)
-        for age in range(1, numbers.dead):
-            group.counts[(numbers.dead - age) * LANES + lane] = counts[numbers.pad - age]
-            counts[numbers.pad - age] = 0
+    _rewind_lane(group, stream, lane)
+    for k in range(1, RESERVE - 2):
+        scratch.draws[k] = group.draws[k * LANES + lane]
+    place_dead(numbers, stream, scratch, group.dead[lane], 0)
+    for age in range(1, numbers.dead):
+        group.counts[(numbers.dead - age) * LANES + lane] = counts[numbers.pad - age]
+        counts[numbers.pad - age] = 0
     group.block[lane] = stream.counter[0]
 
 

@@ -27,7 +27,7 @@ from lidarcheck.model.exact.haze_rates import haze_end
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_rates, pulse_window
 from lidarcheck.model.lane_math import fired, log, log1p
-from lidarcheck.model.streams import Stream, fill, rewind
+from lidarcheck.model.streams import Stream, fill, fill_twice, rewind
 
 __all__ = [
     "RESERVE",
@@ -79,7 +79,7 @@ def new_scratch(numbers: Numbers) -> Scratch:
     return Scratch(
         counts=np.zeros(2 * numbers.pad + numbers.bins, dtype=np.int64),
         rates=np.empty(numbers.bins),
-        draws=np.empty(RESERVE + numbers.bins + 4),
+        draws=np.empty(RESERVE + numbers.bins + 8),
         inverse=inverses(numbers.detectors),
         blocks=new_blocks(numbers),
         group=new_abreast(numbers),
@@ -244,7 +244,7 @@ def simulate_alone(
         end = max(begin, end, haze_end(numbers, pulses.haze, i, level.faint))
     if blocks.crowded[0]:
         begin, end = 0, numbers.bins
-    fill(stream, draws, RESERVE if is_hazy else RESERVE + end - begin)
+    fill_twice(stream, draws, RESERVE if is_hazy else RESERVE + end - begin)
     before, behind = draws[RESERVE - 2], draws[RESERVE - 1]
     dead = enter(numbers, stream, scratch, level.dead_rate, begin)
     if is_hazy:
