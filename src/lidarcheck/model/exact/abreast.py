@@ -198,10 +198,14 @@ def find_abreast(numbers: Numbers, group: Abreast, bins: int, held: int, echoes:
 def _keep_all(group: Abreast, mask: Any, echoes: EchoArrays) -> None:
     """Write down the echoes that the lanes of a mask have ended."""
     echo, moment = group.echo, group.moment
+    width: Any
+    area: Any
+    peak: Any
     while mask != 0:
         lane = lowest(mask)
         mask &= mask - _ONE
-        width, area, peak = int(echo[_WIDTH + lane]), int(echo[_AREA + lane]), int(echo[_PEAK + lane])
+        # Numbers of one kind, for which `keep` is compiled once.
+        width, area, peak = np.int64(echo[_WIDTH + lane]), np.int64(echo[_AREA + lane]), np.int64(echo[_PEAK + lane])
         centre = group.begin[lane] + 0.5 + moment[lane] / area
         beam: Any = np.uint64(group.beam[lane])
         keep(echoes, beam, centre, width, area, peak)
@@ -212,4 +216,5 @@ def _keep_all(group: Abreast, mask: Any, echoes: EchoArrays) -> None:
 @inlined
 def last_on(numbers: Numbers, group: Abreast, lane: int) -> int:
     """Detectors ON in the last bin of a lane's window, 0 where it has none, as `find_abreast` has found them."""
-    return int(group.state[_LAST + np.uint64(lane)])
+    on: Any = np.int64(group.state[_LAST + np.uint64(lane)])
+    return int(on)
