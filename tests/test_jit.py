@@ -10,21 +10,30 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "src" / "lidarcheck"
 ASK = """
+import importlib, sys
 import numpy as np
-from lidarcheck.model.exact import single; from lidarcheck.model import streams
-from lidarcheck.model.exact.numbers import numbers_of
-from lidarcheck.sensor import Sensor
-numbers = numbers_of(Sensor.of("SMART", max_range_m=5.0))
-scratch = single.new_scratch(numbers)
-scratch.draws[:] = 0.9
-print(single.enter(numbers, streams.new_stream(1, "x"), scratch, 0.7, 0))
+found = np.zeros(1)
+getattr(importlib.import_module(sys.argv[1]), "normals")(np.array([0.01]), 1, found)
+print(found[0])
+"""
+CALLER = """
+from lidarcheck.jit import kernel
+from lidarcheck.model import normal
+
+_normals = normal.normals
+
+@kernel
+def normals(uniform, count, found):
+    _normals(uniform, count, found)
 """
 
 
-def answer(source: Path, cache: Path) -> int:
+def answer(source: Path, cache: Path, module: str = "lidarcheck.model.normal") -> float:
     environment = {**os.environ, "PYTHONPATH": str(source), "LIDARCHECK_CACHE": str(cache)}
-    run = subprocess.run([sys.executable, "-c", ASK], env=environment, capture_output=True, text=True, check=True)
-    return int(run.stdout)
+    run = subprocess.run(
+        [sys.executable, "-c", ASK, module], env=environment, capture_output=True, text=True, check=True
+    )
+    return float(run.stdout)
 
 
 def kept(cache: Path) -> dict[Path, int]:
@@ -33,31 +42,32 @@ def kept(cache: Path) -> dict[Path, int]:
 
 
 def test_a_change_in_a_called_module_reaches_its_callers(tmp_path: Path) -> None:
-    """`enter` calls `binomial` from another file, whose change numba's own cache would not see."""
+    """A kernel calls one from another file, whose change numba's own cache would not see."""
     shutil.copytree(PACKAGE, tmp_path / "src" / "lidarcheck", ignore=shutil.ignore_patterns("__pycache__"))
-    cache = tmp_path / "cache"
-    before = answer(tmp_path / "src", cache)
-    assert before > 0
-    assert answer(tmp_path / "src", cache) == before
+    (tmp_path / "src" / "lidarcheck" / "model" / "caller.py").write_text(CALLER)
+    cache, caller = tmp_path / "cache", "lidarcheck.model.caller"
+    before = answer(tmp_path / "src", cache, caller)
+    assert before == pytest.approx(-2.326, abs=1e-3)
+    assert answer(tmp_path / "src", cache, caller) == before
     assert len(list((cache / "kernels").iterdir())) == 1, "the same source uses the same cache"
     compiled = kept(cache)
     shutil.move(tmp_path / "src", tmp_path / "elsewhere")
-    assert answer(tmp_path / "elsewhere", cache) == before
+    assert answer(tmp_path / "elsewhere", cache, caller) == before
     assert kept(cache) == compiled, "the same source in another place is not compiled anew"
     shutil.move(tmp_path / "elsewhere", tmp_path / "src")
-    changed = tmp_path / "src" / "lidarcheck" / "model" / "exact" / "binomial.py"
+    changed = tmp_path / "src" / "lidarcheck" / "model" / "normal.py"
     text = changed.read_text()
-    changed.write_text(text.replace("    if trials <= 0 or rate <= 0.0:\n", "    if trials > 0:\n"))
+    changed.write_text(text.replace("            found[i] = normal(uniform[i])\n", "            found[i] = 7.0\n"))
     assert changed.read_text() != text
     os.utime(changed, ns=(PACKAGE.stat().st_atime_ns, PACKAGE.stat().st_mtime_ns))
-    assert answer(tmp_path / "src", cache) == 0
+    assert answer(tmp_path / "src", cache, caller) == 7.0
     assert len(list((cache / "kernels").iterdir())) == 2
 
 
 def test_a_cache_that_cannot_be_written_is_no_reason_to_stop(tmp_path: Path) -> None:
     nowhere = tmp_path / "file"
     nowhere.write_text("")
-    assert answer(PACKAGE.parent, nowhere) > 0
+    assert answer(PACKAGE.parent, nowhere) == pytest.approx(-2.326, abs=1e-3)
 
 
 @pytest.mark.parametrize("changed", ["elementary/exponentials.py", "model/lane_math.py", "effects/fog.py"])
