@@ -152,7 +152,8 @@ def _refined(
         u, p, r = direction[near], unit[near], range_m[near]
         residual = np.cross(u, p).ravel()
         slopes = _slopes(u, p, r).reshape(-1, 6)
-        step = np.asarray(np.linalg.lstsq(slopes, -residual, rcond=1e-10)[0])
+        # Six equations in the place of all rows': what these cannot tell, below 1e-7 of the rest, stays as it is.
+        step = np.asarray(np.linalg.lstsq(slopes.T @ slopes, -slopes.T @ residual, rcond=1e-14)[0])
         turn, move = _turned(step[:3]) @ turn, _turned(step[:3]) @ move + step[3:]
         if float(np.max(np.abs(step))) < 1e-10:
             break
