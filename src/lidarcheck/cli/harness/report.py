@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -146,7 +147,8 @@ def _release(outcomes: list[Outcome], amiss: list[str], goldens: Path | None, ch
     )
 
 
-def workflows() -> dict[str, str]:
+@cache
+def workflows() -> Mapping[str, str]:
     """The workflows that a release should have a result of, and what each is for.
 
     They are the commands that take what `workflow_output.finish` needs, and `explain`.
