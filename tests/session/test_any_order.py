@@ -208,7 +208,6 @@ def bench_at(tmp_path_factory):
     directory, patch = tmp_path_factory.mktemp("order"), pytest.MonkeyPatch()
     patch.setattr(disk_store, "WORTH_S", -1.0)
     patch.setenv("LIDARCHECK_CACHE", str(directory / "user"))
-    patch.setattr(os, "fsync", lambda _descriptor: None)  # nothing is unplugged here
 
     @contextlib.contextmanager
     def begin():
