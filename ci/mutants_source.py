@@ -184,11 +184,13 @@ class Runs:
         self.known = {pair: run for pair, run in known.items() if run and run["holds"]}
 
     def _digest(self, scenario: Path) -> str:
-        """Of a scenario, its golden, the models beside it and the files that it names."""
-        golden, text = self.place.place / "goldens" / scenario.name, scenario.read_text(encoding="utf-8")
-        beside = sorted(scenario.parent.glob("*/**/*"))
-        files = [scenario, golden, *(path for path in beside if path.suffix == ".toml" or path.name in text)]
-        return hashlib.sha256(b"\0".join(path.read_bytes() for path in files if path.is_file())).hexdigest()[:16]
+        """Of a scenario, its golden, and the files that it names, or that these name."""
+        beside, files = sorted(scenario.parent.glob("*/**/*.*")), [scenario]
+        for file in files:
+            text = file.read_bytes()
+            files += [path for path in beside if path.name.encode() in text and path not in files]
+        golden = self.place.place / "goldens" / scenario.name
+        return hashlib.sha256(b"\0".join(path.read_bytes() for path in [*files, golden] if path.is_file())).hexdigest()[:16]
 
     def _task(self, name: str, fidelity: str, limit_s: float, digests: Sequence[str]) -> dict[str, Any]:
         file = str(self.place.place / "scenarios" / f"{name}.toml")
