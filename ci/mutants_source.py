@@ -190,7 +190,9 @@ class Runs:
             text = file.read_bytes()
             files += [path for path in beside if path.name.encode() in text and path not in files]
         golden = self.place.place / "goldens" / scenario.name
-        return hashlib.sha256(b"\0".join(path.read_bytes() for path in [*files, golden] if path.is_file())).hexdigest()[:16]
+        return hashlib.sha256(b"\0".join(path.read_bytes() for path in [*files, golden] if path.is_file())).hexdigest()[
+            :16
+        ]
 
     def _task(self, name: str, fidelity: str, limit_s: float, digests: Sequence[str]) -> dict[str, Any]:
         file = str(self.place.place / "scenarios" / f"{name}.toml")
