@@ -140,28 +140,33 @@ def verdict_of(mutant: Mutant, place: Scratch, runs: Runs, pairs: Sequence[tuple
 
 def tested(mutant: Mutant, place: Scratch, kept: Kept) -> dict[str, Any]:
     """Whether the tests of the mutant's room notice what scenarios do not: `by tests`."""
-    room, _, rest = mutant.file.partition("/")
-    inner = f"tests/{room}/{rest.partition('/')[0]}"
-    for name in (name for name in (inner, f"tests/{room}") if (place.root / name).is_dir()):
-        if failing := red_test(name, None, place, kept):
-            sys.exit(f"error: {failing} fails in the right source; run the tests of {name} first")
-        if failing := red_test(name, mutant, place, kept):
+    for names in tests_of(mutant, place.root):
+        if failing := red_test(names, None, place, kept):
+            sys.exit(f"error: {failing} fails in the right source; run the tests of {' '.join(names)} first")
+        if failing := red_test(names, mutant, place, kept):
             return {"verdict": "by tests", "by": failing}
     return {}
 
 
-def red_test(name: str, mutant: Mutant | None, place: Scratch, kept: Kept) -> str:
-    """The first test in a folder that fails, from memory where source and tests are known; empty if none does."""
+def tests_of(mutant: Mutant, root: Path) -> list[tuple[str, ...]]:
+    """The tests of the model and effects: first those that name the mutant's module, then all of its room."""
+    room, _, rest = mutant.file.partition("/")
+    module = f"lidarcheck.{mutant.file.removesuffix('.py').replace('/', '.')}"
+    files = [path for folder in ("effects", "model") for path in sorted((root / "tests" / folder).rglob("test_*.py"))]
+    near = tuple(path.relative_to(root).as_posix() for path in files if f"{module} " in path.read_text("utf-8"))
+    inner = f"tests/{room}/{rest.partition('/')[0]}"
+    return [names for names in (near, (inner,), (f"tests/{room}",)) if names and (root / names[0]).exists()]
+
+
+def red_test(names: Sequence[str], mutant: Mutant | None, place: Scratch, kept: Kept) -> str:
+    """The first of these tests that fails, from memory where source and tests are known; empty if none does."""
     files = sorted((place.root / "tests").rglob("*.py"))
     tests = hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()[:16]
-    key = f"{source_hash(place.source / 'lidarcheck', mutant)} {name} {tests}"
+    key = f"{source_hash(place.source / 'lidarcheck', mutant)} {' '.join(names)} {tests}"
     if key not in kept.known:
-        command = ["-m", "pytest", "-x", "-q", "-m", "not long", "-p", "no:cacheprovider", name]
-        code, output, _ = place.run(command, mutant, "", TESTING_S)
-        failed = [line for line in output.splitlines() if line.startswith(("FAILED", "ERROR"))]
-        kept.save(
-            key, {"red": (failed[0][:160] if failed else f"{name}: {code}") if code else "", "mutant": str(mutant)}
-        )
+        code, lines, _ = place.work("tests", mutant, [{"name": name} for name in names], TESTING_S)
+        found = lines[0]["red"] if lines else f"{' '.join(names)}: {code}"
+        kept.save(key, {"red": found, "mutant": str(mutant)})
     return str(kept.known[key]["red"])
 
 

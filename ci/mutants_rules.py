@@ -11,7 +11,7 @@ _SILENT_CALLS = {"debug", "info", "warning", "error", "warn", "progress", "param
 _SILENT_CALLS |= {"choice_parameter", "file_parameter", "isinstance", "cast", "TypeVar", "getLogger"}
 _SILENT_CALLS |= {"get_close_matches", "errstate", "narrow"}
 _SILENT_CALLS |= {"run_external", "simulate_on_cuda", "reference_echoes"}
-_CHECKS = ("check", "_check", "_refuse", "refuse")
+_CHECKS = ("check", "_check", "_refuse", "refuse", "needs")
 _TEXTS = {"__repr__", "__str__", "__hash__", "__getstate__", "__post_init__", "to_dict", "in_words"}
 _ELSEWHERE = {"draw_avalanches", "count_beams", "trace_beams", "light_after_effects", "_stored", "affordable"}
 """Functions that give no echoes: traces and light for plots and for the search of what a model lacks; whether a file of

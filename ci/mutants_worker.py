@@ -1,4 +1,4 @@
-"""What runs in the source with the error: `mutants_worker.py judge|trace|kernels`, its tasks on the standard input.
+"""What runs in the source with the error: `mutants_worker.py judge|trace|kernels|tests`, tasks on the standard input.
 
 Brings the compiled kernels that the error does not reach, does the tasks, printing a line of JSON each, and keeps what
 was compiled besides. Processor time and memory beyond all need end the process.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import resource
+import subprocess
 import sys
 from pathlib import Path
 
@@ -25,9 +26,20 @@ def main() -> None:
 
     kernels, cache, fresh = Path(given["kernels"]), jit.cache_directory(), set(given["fresh"])
     _bring(kernels, cache, fresh)
-    for line in getattr(mutants_scenarios, what)(given["tasks"]):
-        print(json.dumps(line), flush=True)
+    if what == "tests":
+        print(json.dumps({"red": _red([task["name"] for task in given["tasks"]])}))
+    else:
+        for line in getattr(mutants_scenarios, what)(given["tasks"]):
+            print(json.dumps(line), flush=True)
     _bring(cache, kernels, fresh)
+
+
+def _red(names: list[str]) -> str:
+    """The first of these tests that fails; empty if none does."""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not long", "-p", "no:cacheprovider", *names]
+    run = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+    failed = [line for line in run.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return (failed[0][:160] if failed else f"{' '.join(names)}: {run.returncode}") if run.returncode else ""
 
 
 def _bring(source: Path, target: Path, fresh: set[str]) -> None:
