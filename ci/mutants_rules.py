@@ -14,10 +14,13 @@ _SILENT_CALLS |= {"run_external", "simulate_on_cuda", "reference_echoes"}
 _CHECKS = ("check", "_check", "_refuse", "refuse", "needs")
 _TEXTS = {"__repr__", "__str__", "__hash__", "__getstate__", "__post_init__", "to_dict", "in_words"}
 _ELSEWHERE = {"draw_avalanches", "count_beams", "trace_beams", "light_after_effects", "_stored", "affordable"}
+_ELSEWHERE |= {"simulate_frames"}
 """Functions that give no echoes: traces and light for plots and for the search of what a model lacks; whether a file of
-the library is sound, and whether it pays."""
+the library is sound, and whether it pays. And frames that programs are asked for at once."""
 _ROUNDS = {"philox", "_round", "_wide_product", "_high_word_of"}
 """The rounds of the random numbers: others are as random; tests hold them to known answers."""
+_NOT_HERE = ("TYPE_CHECKING", ", Program)", "model.external is not None")
+"""What is asked before a branch that nothing of this package runs in: somebody else's program does."""
 _NAMES = {"__all__", "tree", "name", "empirical", "_KNOT_LIMIT", "_CHUNK", "CHUNK", "_BLOCK", "_KEPT", "_WORTH_BEAMS"}
 _NAMES |= {"_ROOM"}
 """Names whose value is no result: texts, bounds, and how much is worked on at a time or kept for the next time."""
@@ -36,7 +39,8 @@ def is_silent(statement: ast.stmt, *, inside: bool) -> bool:
             or what.endswith("Error")
         )
     if isinstance(statement, ast.If):
-        return isinstance(statement.body[-1], ast.Raise) or "TYPE_CHECKING" in ast.unparse(statement.test)
+        asked = ast.unparse(statement.test)
+        return isinstance(statement.body[-1], ast.Raise) or any(word in asked for word in _NOT_HERE)
     if isinstance(statement, ast.Expr):
         checks = isinstance(statement.value, ast.Call) and called(statement.value.func).startswith(_CHECKS)
         return isinstance(statement.value, ast.Constant) or is_silent_call(statement.value) or checks

@@ -15,6 +15,8 @@ from lidarcheck.harness.scenario_run import kpis_in_goldens
 from places import ROOT
 
 PROJECT = Layout(ROOT, ROOT / "scenarios")
+WATCHING = ("watch_", "sensor_")
+MOST_OF_CHANCE = 2.5
 
 
 @cache
@@ -32,6 +34,21 @@ def test_a_golden_catches_what_its_scenario_wants_caught(file) -> None:
         # The more KPIs a suite has, the wider is what chance explains of each: goldens become too coarse as it grows.
         found += [f"{spec.name}: {words}" for words in [sensitivity.too_coarse(spec, kpi.reference, share())] if words]
     assert not found
+
+
+@pytest.mark.parametrize(
+    "file",
+    [file for file in toml_files(PROJECT.scenarios) if file.stem.startswith(WATCHING)],
+    ids=lambda file: file.stem,
+)
+def test_a_scenario_that_watches_for_errors_tolerates_little_more_than_chance(file) -> None:
+    loose = []
+    for name, kpi in load_golden(PROJECT.golden(file.stem)).kpis.items():
+        chance = sensitivity.resolution(share(), kpi.reference.sd)
+        exact = kpi.spec.kind == "distance" or chance < 1e-9
+        if not exact and kpi.spec.tolerance > MOST_OF_CHANCE * chance:
+            loose.append(f"{name}: {kpi.spec.tolerance:g} where chance alone explains {chance:.3g}")
+    assert not loose
 
 
 def test_what_must_be_caught_and_where_a_limit_comes_from_enter_no_hash() -> None:
