@@ -178,6 +178,14 @@ def test_echoes_that_change_places_are_numbered_by_range_again() -> None:
     assert moved.area.tolist() == [100, 101, 104, 102, 103, 105]
 
 
+def test_a_beam_whose_rows_stand_in_any_order_of_its_echoes_keeps_them_where_no_echo_changes_places() -> None:
+    scan = echoes([(0, 1), (0, 1), (0, 2)], [2, 1, 1], [20, 10, 5])
+    moved = at_range(scan, np.array([21.0, 11.0, 6.0]))
+    assert moved.range_m == pytest.approx([21, 11, 6])
+    assert moved.echo_number.tolist() == [2, 1, 1]
+    assert moved.extra["mark"].tolist() == [0, 1, 2]
+
+
 def test_a_table_in_any_order_gets_its_echoes_in_order() -> None:
     rng = np.random.default_rng(4)
     scan = frame(200, 3)

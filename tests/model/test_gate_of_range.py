@@ -91,3 +91,13 @@ def test_frames_whose_columns_do_not_repeat_are_one_sensor_s():
     beams = shipped("HDL-32E").beams
     assert beams.with_phase(0.05).alike(beams)
     assert not beams.alike(shipped("XT32").beams)
+
+
+def test_what_is_timed_before_the_shot_is_reported_at_the_sensor_and_not_behind_it():
+    sensor = dataclasses.replace(shipped("SMART"), threshold=4, background_per_ns=6e-3, max_range_m=3.0)
+    layer, point = (column[:2000] for column in sensor.beams.every())
+    nothing = np.zeros(2000)
+    ideal = IdealScan(layer, point, nothing, nothing.astype(np.int32), nothing, beams=sensor.beams)
+    scan = simulate(ideal, Model(sensor, WHITE), seed=1)
+    assert np.count_nonzero(scan.range_m == 0.0) > 20
+    assert np.all(scan.x_m >= 0.0)
