@@ -3,6 +3,7 @@
     ci/mutants                          # 150 errors, drawn by --seed 0
     ci/mutants --seed 7 --only fog      # others, in files in whose path the word occurs
     ci/mutants --tests                  # what the scenarios let pass is also given to the tests
+    ci/mutants --unrun                  # puts none in: which lines that can have one no scenario runs
 
 The errors (`mutants_sites.py`): another comparison, another constant, another operator or sign, a line dropped, two
 arguments swapped. Each is judged by the scenarios that run its line, cheapest first, until one is red: paired seeds,
@@ -33,7 +34,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mutants_sites import Mutant, drawn
+from mutants_sites import KINDS, Mutant, drawn, piles
 from mutants_source import WAITING, Kept, Runs, Scratch, compiled, source_hash
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -47,10 +48,15 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=150, help="how many")
     parser.add_argument("--only", default="", help="errors in files in whose path this occurs")
     parser.add_argument("--tests", action="store_true", help="give what survives to the tests of the model and effects")
+    parser.add_argument(
+        "--unrun", action="store_true", help="list the lines with possible errors that no scenario runs"
+    )
     parser.add_argument("--root", type=Path, default=ROOT, help="the checkout whose source and scenarios are used")
     args = parser.parse_args()
     place = Scratch(args.root.resolve())
     runs = Runs(place)
+    if args.unrun:
+        return unrun(place, runs, args.only, equivalents(Path(__file__).with_name("mutants.toml")))
     mutants = drawn(place.source / "lidarcheck", args.seed, args.count, args.only)
     kept = Kept(place.root / ".lidarcheck" / "mutants.json")
     excused = equivalents(Path(__file__).with_name("mutants.toml"))
@@ -70,6 +76,20 @@ def main() -> int:
         alive += [f"{mutant}{told(found)}"] if found["verdict"] in SURVIVED else []
     print(*(f"survived: {text}" for text in alive), in_words(counts), sep="\n")
     return int(bool(alive))
+
+
+def unrun(place: Scratch, runs: Runs, only: str, excused: set[tuple[str, str, str]]) -> int:
+    """Tell which lines with possible errors no scenario runs, and what part of the errors drawn stands in them."""
+    ran, shares, rows = runs.lines(), [], set()
+    for pile in piles(place.source / "lidarcheck", only).values():
+        for of_file in pile:
+            some = [mutant for mutant in of_file if mutant.inside and not is_excused(mutant, excused)]
+            missed = [m for m in some if ran[m.file].isdisjoint(range(m.lines[0], m.lines[1] + 1))]
+            rows |= {(m.file, m.row, m.line) for m in missed}
+            shares.append(len(missed) / len(of_file) / max(len(pile), 1))
+    print(*(f"{file}:{row}: {line}" for file, row, line in sorted(rows)), sep="\n")
+    print(f"{100.0 * sum(shares) / len(KINDS):.1f} % of the errors drawn stand in lines that no scenario runs")
+    return int(bool(rows))
 
 
 def told(found: dict[str, Any]) -> str:

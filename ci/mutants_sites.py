@@ -108,19 +108,29 @@ def drawn(package: Path, seed: int, count: int, only: str = "") -> list[Mutant]:
 
     Files are alike, however long: the law of an effect has few lines. `only`: in files in whose path it occurs.
     """
-    files = [path for part in ("effects", "model") for path in sorted((package / part).rglob("*.py"))]
-    names = {path.relative_to(package).as_posix(): path for path in files}
-    found = [site for name, path in names.items() if not _skipped(name) for site in _sites(name, path.read_bytes())]
     draw = random.Random(seed)
-    piles = {kind: _by_file(site for site in found if site.kind == kind and only in site.file.name) for kind in KINDS}
+    kinds = _piles(package, only)
     taken: list[_Site] = []
-    while len(taken) < count and any(piles.values()):
-        for pile in piles.values():
+    while len(taken) < count and any(kinds.values()):
+        for pile in kinds.values():
             if pile:
                 of_file = pile[draw.randrange(len(pile))]
                 taken.append(of_file.pop(draw.randrange(len(of_file))))
                 pile[:] = [of_file for of_file in pile if of_file]
     return [site.mutant() for site in taken[:count]]
+
+
+def piles(package: Path, only: str = "") -> dict[str, list[list[Mutant]]]:
+    """All mutants, by kind and file: what `drawn` draws from."""
+    kinds = _piles(package, only).items()
+    return {kind: [[site.mutant() for site in of_file] for of_file in pile] for kind, pile in kinds}
+
+
+def _piles(package: Path, only: str) -> dict[str, list[list[_Site]]]:
+    files = [path for part in ("effects", "model") for path in sorted((package / part).rglob("*.py"))]
+    names = {path.relative_to(package).as_posix(): path for path in files}
+    found = [site for name, path in names.items() if not _skipped(name) for site in _sites(name, path.read_bytes())]
+    return {kind: _by_file(site for site in found if site.kind == kind and only in site.file.name) for kind in KINDS}
 
 
 def _by_file(found: Iterable[_Site]) -> list[list[_Site]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import hashlib
 import json
 import os
@@ -211,6 +212,14 @@ class Runs:
         touching = [pair for pair, run in self.known.items() if runs(run)]
         exact = [pair for pair in touching if pair[1] == "exact"]
         return sorted(exact or touching, key=lambda pair: float(self.known[pair]["seconds"]))
+
+    def lines(self) -> dict[str, set[int]]:
+        """The lines of each file that some scenario runs."""
+        found: dict[str, set[int]] = collections.defaultdict(set)
+        for run in self.known.values():
+            for file, numbers in run["lines"].items():
+                found[file].update(numbers)
+        return found
 
     def _importers(self, file: str) -> set[str]:
         return {name for name, others in self.place.imports.items() if file in others}
