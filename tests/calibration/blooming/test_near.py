@@ -51,8 +51,14 @@ def test_the_response_is_that_of_the_detectors_one_by_one(variant, distance_m):
     assert abs(everywhere / area.mean() - 1.0) > (0.15 if variant == "SLIM" else 0.04)
 
 
-@pytest.mark.parametrize("variant", ["SMART", "SLIM"])
-@pytest.mark.parametrize("distance_m", [19.95, 20.0, 20.05, 20.1])
+@pytest.mark.parametrize(
+    ("variant", "distance_m"),
+    [
+        *(("SMART", 19.95), ("SMART", 20.05), ("SLIM", 20.0), ("SLIM", 20.1)),
+        *(pytest.param(*other, marks=pytest.mark.long) for other in (("SMART", 20.0), ("SMART", 20.1))),
+        *(pytest.param(*other, marks=pytest.mark.long) for other in (("SLIM", 19.95), ("SLIM", 20.05))),
+    ],
+)
 def test_a_horizontal_table_is_found_at_20_m(variant, distance_m, tmp_path):
     """With the ideal scan and without it; a fit that starts far off, and a target whose beams fire once or twice."""
     model = model_of(variant, make("blooming_horizontal", {}))
