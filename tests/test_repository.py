@@ -42,6 +42,13 @@ def test_a_script_runs_from_anywhere(name):
     assert "set -euo pipefail" in script.read_text(encoding="utf-8")
 
 
+def test_what_ci_test_checks_beside_the_rest_is_there():
+    """Nobody reads what that check says."""
+    names = re.search(r"^late=\((.*)\)$", (ROOT / "ci/test").read_text(encoding="utf-8"), re.MULTILINE)[1].split()
+    assert names
+    assert all((ROOT / f"scenarios/{name}.toml").is_file() for name in names)
+
+
 def options_of(command):
     """Every option that the parser knows for a command."""
     app = make_app()
