@@ -39,7 +39,7 @@ __all__ = [
     "is_quiet",
     "looks_quiet",
     "place",
-    "search_through",
+    "search",
     "thin",
 ]
 
@@ -113,11 +113,22 @@ def _search(
 
 
 @kernel
-def search_through(
-    blocks: Blocks, stream: Stream, draws: FloatArray, draw: float, first: Any, last: int, beside: int, threshold: int
+def search(
+    blocks: Blocks,
+    stream: Stream,
+    draws: FloatArray,
+    draw: float,
+    first: Any,
+    last: int,
+    beside: int,
+    threshold: int,
+    through: bool,
 ) -> None:
-    """Tell in `blocks.held` what is known of each of the blocks `first` ... `last - 1`: of crowded ones, all."""
-    if _search(blocks, stream, draws, draw, first, last, beside, threshold, True, True) == _ALL_SMALL:
+    """Tell in `blocks.held` what is known of each of the blocks `first` ... `last - 1`.
+
+    `through`: also of those behind neighbours that are crowded.
+    """
+    if _search(blocks, stream, draws, draw, first, last, beside, threshold, True, through) == _ALL_SMALL:
         blocks.held[first:last] = SMALL
 
 
@@ -277,14 +288,8 @@ def is_quiet(
     back, last = blocks_around(numbers, blocks, begin, end)
     beside_begin = dead_at_begin if begin > 0 else 0
     beside_end = on_at_end if end < numbers.bins else 0
-    before = _search(
-        blocks, stream, draws, draw_before, np.int64(0), back, beside_begin, numbers.threshold, True, False
-    )
-    behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, True, False)
-    if before == _ALL_SMALL:
-        blocks.held[:back] = SMALL
-    if behind == _ALL_SMALL:
-        blocks.held[back:last] = SMALL
+    search(blocks, stream, draws, draw_before, np.int64(0), back, beside_begin, numbers.threshold, False)
+    search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, False)
     complete(blocks, stream, draws, 0, back)
     complete(blocks, stream, draws, back, last)
     return False

@@ -57,8 +57,8 @@ def find_locally(
     """
     back, last = bg.blocks_around(numbers, blocks, begin, end)
     before, behind = dead_at_begin if begin > 0 else 0, on_at_end if end < numbers.bins else 0
-    bg.search_through(blocks, stream, draws, draw_before, np.int64(0), back, before, numbers.threshold)
-    bg.search_through(blocks, stream, draws, draw_behind, back, last, behind, numbers.threshold)
+    bg.search(blocks, stream, draws, draw_before, np.int64(0), back, before, numbers.threshold, True)
+    bg.search(blocks, stream, draws, draw_behind, back, last, behind, numbers.threshold, True)
     rates[:] = blocks.rate[0]
     _settle(
         numbers, blocks, stream, draws, np.int64(0), back, before, begin - numbers.dead, np.int64(-1), rates, counts
