@@ -113,6 +113,18 @@ def new_abreast(numbers: Numbers) -> Abreast:
     )
 
 
+@kernel
+def _draw_some(
+    rates: FloatArray, bin_: Any, draws: FloatArray, draw: Any, state: ShortArray, inverse: FloatArray, mask: Any
+) -> None:
+    """The numbers of the lanes of a mask, one by one."""
+    while mask != 0:
+        lane = lowest(mask)
+        mask &= mask - _ONE
+        armed: Any = np.int64(state[ARMED + lane])
+        state[COUNT + lane] = binomial(draws[draw + lane], armed, rates[bin_ + lane], inverse)
+
+
 @inlined
 def draw_counts(group: Abreast, bin_: Any, draw: Any, inverse: FloatArray, detectors: int) -> bool:
     """One number for each lane, as `binomial` draws it, into `COUNT`; False where all of them are 0."""
@@ -125,11 +137,8 @@ def draw_counts(group: Abreast, bin_: Any, draw: Any, inverse: FloatArray, detec
         clear_row(state, COUNT)
     else:
         open_ = quick_sums.settle(rates, bin_, draws, draw, group.inverse, state, group.sums, detectors)
-    while open_ != 0:
-        lane = lowest(open_)
-        open_ &= open_ - _ONE
-        armed: Any = np.int64(state[ARMED + lane])
-        state[COUNT + lane] = binomial(draws[draw + lane], armed, rates[bin_ + lane], inverse)
+    if open_ != 0:
+        _draw_some(rates, bin_, draws, draw, state, inverse, open_)
     return True
 
 
