@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import lidarcheck.harness.check as check_module
 from budget import examples
 from harness_fakes import SPECS, Project
 from lidarcheck import effects
@@ -54,6 +55,18 @@ def test_unchanged_is_identical_after_the_paired_seeds(project: Project) -> None
     assert report.counts == {verdict.value: 6 * (verdict is KpiVerdict.IDENTICAL) for verdict in KpiVerdict}
     assert sorted(project.seeds) == sorted([*range(8)] * 2)
     assert not list(project.root.glob(".lidarcheck/proposals/*"))
+
+
+def test_a_golden_that_a_larger_suite_has_made_too_coarse_is_named(
+    project: Project, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert not any(scenario.notes for scenario in run(project).scenarios)
+    monkeypatch.setattr(check_module, "suite_size", lambda cases: 10**9)
+    report = run(project)
+    notes = [note for scenario in report.scenarios for note in scenario.notes]
+    assert report.exit_code == 0
+    assert notes
+    assert all("too coarse as the suite has grown: chance alone explains" in note for note in notes)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 2**70, -1])

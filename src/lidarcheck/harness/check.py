@@ -136,10 +136,18 @@ def _scenario_result(case: ScenarioRun, share: float) -> ScenarioResult:
         description=scenario.description,
         kpis=kpis,
         problems=tuple(case.problems()),
-        notes=tuple(case.notes()),
+        notes=(*case.notes(), *_outgrown(case, share)),
         seeds=len(case.paired) + len(case.fresh),
         hashes={"scenario": scenario.content_hash, "parameters": parameters_hash(case.model)},
     )
+
+
+def _outgrown(case: ScenarioRun, share: float) -> list[str]:
+    """Which KPIs chance explains too much of by now: each is left less of the error, the more the suite has."""
+    if case.skipped or case.golden is None:
+        return []
+    found = [(kpi.spec, sensitivity.too_coarse(kpi.spec, kpi.reference, share)) for kpi in case.golden.kpis.values()]
+    return [f"{spec.name} has become too coarse as the suite has grown: {why}" for spec, why in found if why]
 
 
 def _kpi_result(case: ScenarioRun, spec: KpiSpec, golden: KpiGolden | None, share: float) -> KpiResult:
