@@ -12,7 +12,6 @@ from scipy import special, stats
 from lidarcheck.model import echoes_of
 from lidarcheck.model.fast import library, run, store
 from lidarcheck.model.fast import words as w
-from lidarcheck.model.fast.fill import Source
 from lidarcheck.model.fast.grid import Grid
 from lidarcheck.scan import Light, Scan
 from lidarcheck.sensor import Sensor
@@ -20,6 +19,8 @@ from reference_grid import LAYERS, POINTS
 
 SMALL = Grid(sample_bits=6)
 """The nodes of the default grid with an eighth of its samples, so that filling it takes a second."""
+SMALL_LEVEL = Grid(sample_bits=4)
+"""The same for each level of background."""
 FRAME = LAYERS * POINTS
 OCTAVES = range(-8, 14)
 """From S far below what any sensor sees to all detectors in saturation."""
@@ -31,27 +32,35 @@ def small_library(directory: Path, grid: Grid = SMALL) -> Iterator[None]:
     """A library of few samples, kept in that directory, and none in memory yet."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run, "DEFAULT_GRID", grid)
+        patch.setattr(run, "LEVEL_GRID", SMALL_LEVEL)
         patch.setattr(store, "base_directory", lambda: directory)
         patch.setattr(library, "_libraries", type(library._libraries)())
         yield
 
 
-def frame_light(seed: int, background: float, octaves: range = OCTAVES) -> Light:
-    """A frame of beams with one pulse each: S even in its logarithm, ranges anywhere between 10 and 200 m."""
+def frame_light(seed: int, background: float | tuple[float, float], octaves: range = OCTAVES) -> Light:
+    """A frame of beams with one pulse each: S even in its logarithm, ranges anywhere between 10 and 200 m.
+
+    `background`: of all beams, or the least and the most, between which it is even in its logarithm.
+    """
     rng = np.random.default_rng(seed)
+    least, most = np.broadcast_to(background, 2)
     layer, point = np.divmod(np.arange(FRAME), POINTS)
     return Light(
         layer=layer,
         point=point,
-        background_per_ns=np.full(FRAME, background),
         first_pulse=np.arange(FRAME + 1),
         pulse_range_m=rng.uniform(10.0, 200.0, FRAME),
         pulse_signal=2.0 ** rng.uniform(octaves.start, octaves.stop, FRAME),
+        background_per_ns=least * (most / least) ** rng.uniform(0.0, 1.0, FRAME) if least > 0.0 else np.zeros(FRAME),
     )
 
 
 class Sample(NamedTuple):
-    """What came of the beams, by beam: octave of S, echoes; of the first echo width, area, peak and range residual."""
+    """What came of the beams, by beam: octave of S, echoes; of the first echo width, area, peak and range residual.
+
+    `pool`: samples that the beams of an octave draw from.
+    """
 
     octave: np.ndarray
     echoes: np.ndarray
@@ -59,20 +68,25 @@ class Sample(NamedTuple):
     area: np.ndarray
     peak: np.ndarray
     range: np.ndarray
+    pool: float = float(np.prod(SMALL.shape))
 
     @property
     def detected(self) -> np.ndarray:
         return self.echoes > 0
 
 
-def sample(sensor: Sensor, background: float, fidelity: str, seed: int, frames: int = 2) -> Sample:
+def sample(
+    sensor: Sensor, background: float | tuple[float, float], fidelity: str, seed: int, frames: int = 2
+) -> Sample:
     """Half a million beams a frame; the same light for both fidelities."""
     parts = []
     for frame in range(frames):
         light = frame_light(frame, background)
         scan = echoes_of(light, sensor, seed=seed, frame=frame, rounded=False, fidelity=fidelity)
         parts.append(by_beam(light, scan))
-    return Sample(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    whole = Sample(*(np.concatenate(columns) for columns in list(zip(*parts, strict=True))[:-1]))
+    levels = sum(1 for source in library._libraries if source.grid == SMALL_LEVEL)
+    return whole._replace(pool=levels * float(np.prod(SMALL_LEVEL.shape))) if levels else whole
 
 
 def by_beam(light: Light, scan: Scan) -> Sample:
@@ -97,7 +111,7 @@ def _p_of_means(one: np.ndarray, other: np.ndarray, ours: Sample, exact: Sample)
     a, b = _moments(one, ours), _moments(other, exact)
     used = np.minimum(a[0], b[0]) > 500
     difference = (b[0] * (a[1] - b[1]))[used].sum()
-    fewer = effective(a[0][used], _moments(np.zeros(len(one)), ours)[0][used])
+    fewer = effective(a[0][used], _moments(np.zeros(len(one)), ours)[0][used], ours.pool)
     variance = (b[0][used] ** 2 * (a[2][used] / fewer + b[2][used] / b[0][used])).sum()
     return float(2.0 * special.ndtr(-abs(difference) / np.sqrt(variance)))
 
@@ -111,9 +125,9 @@ def _moments(values: np.ndarray, of: Sample) -> tuple[np.ndarray, np.ndarray, np
     return n, mean, squares / np.maximum(n, 1) - mean**2
 
 
-def effective(n: np.ndarray, beams: np.ndarray) -> np.ndarray:
-    """The size of an independent sample as uncertain as `n` values of `beams` that draw from an octave's samples."""
-    return 1.0 / (1.0 / n + beams / (n * np.prod(SMALL.shape)))
+def effective(n: np.ndarray, beams: np.ndarray, pool: float) -> np.ndarray:
+    """The size of an independent sample as uncertain as `n` values of `beams` that draw from `pool` samples."""
+    return 1.0 / (1.0 / n + beams / (n * pool))
 
 
 def feature_p_values(ours: Sample, exact: Sample) -> dict[tuple[int, str], float]:
@@ -125,7 +139,7 @@ def feature_p_values(ours: Sample, exact: Sample) -> dict[tuple[int, str], float
             a, b = getattr(ours, name)[here], getattr(exact, name)[there]
             a, b = a[~np.isnan(a)], b[~np.isnan(b)]
             if min(len(a), len(b)) > 200:
-                n = effective(len(a), here.sum())
+                n = effective(len(a), here.sum(), ours.pool)
                 distance = stats.ks_2samp(a, b, method="asymp").statistic
                 p_values[octave, name] = float(special.kolmogorov(distance * np.sqrt(n * len(b) / (n + len(b)))))
     return p_values
@@ -144,7 +158,7 @@ def joint_p_value(ours: Sample, exact: Sample) -> float:
             thirds = np.nanquantile(known, [1 / 3, 2 / 3])
             for k, values in enumerate((column, known)):
                 cells[k] = 3 * cells[k] + np.searchsorted(thirds, np.nan_to_num(values, nan=np.inf))
-        n = effective(here.sum(), here.sum()), there.sum()
+        n = effective(here.sum(), here.sum(), ours.pool), there.sum()
         size = max(c.max() for c in cells) + 1
         shares = [np.bincount(c, minlength=size) / len(c) for c in cells]
         pooled = (n[0] * shares[0] + n[1] * shares[1]) / (n[0] + n[1])
@@ -156,18 +170,19 @@ def joint_p_value(ours: Sample, exact: Sample) -> float:
     return float(stats.chi2.sf(statistic, freedom))
 
 
-def plant(source: Source, feature: str) -> None:
-    """Read the library again and change a mean by 1 % in every sample that is filled, in memory alone."""
-    filled = library._libraries.pop(source)._filled
-    changed = library.library_of(source)
-    assert changed is not None
-    changed.fill(filled)
+def plant(feature: str) -> None:
+    """Read the libraries again and change a mean by 1 % in every sample that is filled, in memory alone."""
     rng = np.random.default_rng(1)
-    whole = changed._words
-    for block in np.flatnonzero(changed._filled):
-        part = slice(block * changed._size, (block + 1) * changed._size)
-        whole[part] = _planted_words(whole[part], feature, rng)
-    changed.samples = _planted_samples(changed.samples, feature, rng)
+    for source, before in [*library._libraries.items()]:
+        del library._libraries[source]
+        changed = library.library_of(source)
+        assert changed is not None
+        changed.fill(before.filled)
+        whole = changed._words
+        for block in np.flatnonzero(changed.filled):
+            part = slice(block * changed._size, (block + 1) * changed._size)
+            whole[part] = _planted_words(whole[part], feature, rng)
+        changed.samples = _planted_samples(changed.samples, feature, rng)
 
 
 def _more(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:

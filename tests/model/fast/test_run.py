@@ -58,9 +58,8 @@ def test_a_million_beams_are_those_of_the_exact_chain(
     assert min(means.values()) > LEVEL / len(means), means
     assert min(features.values()) > LEVEL / len(features), min(features.items(), key=lambda item: item[1])
     assert joint_p_value(ours, exact) > LEVEL
-    source = Source.of(sensor, None, background, SMALL)
     for feature in planted:
-        plant(source, feature)
+        plant(feature)
         wrong = sample(sensor, background, "fast", 6, frames)
         assert mean_p_values(wrong, exact, (feature,))[feature] < LEVEL / len(means), feature
 

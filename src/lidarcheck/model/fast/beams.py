@@ -10,9 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.jit import kernel
+from lidarcheck.model.detector_echoes import fixed
+from lidarcheck.model.fast.tables import NO_PULSES, SeveralPulses
 from lidarcheck.model.streams import purpose_key
 
-__all__ = ["CHUNK", "DrawnBeams", "Task"]
+__all__ = ["CHUNK", "DrawnBeams", "Task", "pick_pulses"]
 
 ColumnArray = npt.NDArray[np.int32]
 
@@ -37,9 +40,11 @@ class Task(NamedTuple):
 
 @dataclass
 class DrawnBeams:
-    """What is drawn from, a row a beam: at most one pulse, range and S 0 where there is none; and what was drawn.
+    """What is drawn from, a row a beam: one pulse, range and S 0 where there is none; and what was drawn.
 
-    `special`: rows of beams that need more than their word. `plain`: beams with an echo of their own, by chunk.
+    `signal` is below 0 where a beam has several, which stand in `pulses`. `background` [avalanches per armed SPAD and
+    ns]: of none where all have the same. `special`: rows of beams that need more than their word. `plain`: beams with
+    an echo of their own, by chunk.
     """
 
     layer: ColumnArray
@@ -50,15 +55,27 @@ class DrawnBeams:
     special: IndexArray
     plain: IndexArray
     odd: IndexArray
+    background: FloatArray
+    pulses: SeveralPulses
 
     @classmethod
-    def of(cls, layer: ColumnArray, point: ColumnArray, range_m: FloatArray, signal: FloatArray) -> DrawnBeams:
+    def of(
+        cls,
+        layer: ColumnArray,
+        point: ColumnArray,
+        range_m: FloatArray,
+        signal: FloatArray,
+        background: FloatArray | None = None,
+        pulses: SeveralPulses = NO_PULSES,
+    ) -> DrawnBeams:
         """Beams that have not drawn yet."""
         n = len(layer)
         chunks = len(range(0, n, CHUNK))
         drawn, special = np.empty(n, dtype=np.uint64), np.empty(n, dtype=np.int64)
         counts = np.zeros((2, chunks), dtype=np.int64)
-        return cls(layer, point, range_m, signal, drawn, special, counts[0], counts[1])
+        behind = fixed(np.empty(0) if background is None else background)
+        columns = (layer, point, fixed(range_m), fixed(signal), drawn, special, counts[0], counts[1], behind, pulses)
+        return cls(*columns)
 
     def __len__(self) -> int:
         return len(self.layer)
@@ -71,3 +88,17 @@ class DrawnBeams:
         """Rows of the special beams."""
         starts = range(0, len(self), CHUNK)
         return np.concatenate([self.special[at : at + odd] for at, odd in zip(starts, self.odd, strict=True)])
+
+
+@kernel
+def pick_pulses(pulses: SeveralPulses, start: int, stop: int, range_m: FloatArray, signal: FloatArray) -> None:
+    """Range and S of the pulse of each beam that has one, 0 where it has none, S -1 where it has several."""
+    for row in range(start, stop):
+        i = np.uint64(row)
+        lit, last = 0, np.uint64(0)
+        for j in range(pulses.first[i], pulses.first[i + np.uint64(1)]):
+            if pulses.signal[j] > 0.0:
+                lit += 1
+                last = np.uint64(j)
+        range_m[i] = pulses.range_m[last] if lit == 1 else 0.0
+        signal[i] = pulses.signal[last] if lit == 1 else -1.0 if lit > 1 else 0.0

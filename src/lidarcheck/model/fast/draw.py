@@ -1,13 +1,14 @@
 """Kernels of the fast path: the signal of a frame's beams, and which sample of the library each of them draws.
 
 What a beam drew is a word of `words.py`. Where that is not the whole of its echoes, the word says what else: `SPECIAL`,
-then 4 bits of `EXACT`, `TABLE` or `ALARM`, 8 bits for the number of the library, and above the place in its words.
+then 4 bits of `EXACT`, `TABLE`, `ALARM` or `SEVERAL`, 8 bits for the number of the library, and above the place in its
+words.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,25 +19,32 @@ from numba.extending import intrinsic
 from lidarcheck.arrays import FloatArray, IndexArray, WordArray
 from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.fast import words as w
+from lidarcheck.model.fast.tables import Levels, SeveralPulses, Tables
 from lidarcheck.model.streams import philox, unit
 
 __all__ = [
     "ALARM",
     "EXACT",
     "NOTHING",
+    "SEVERAL",
     "TABLE",
-    "Tables",
+    "alarm_rate_of",
     "beam_key",
+    "bins_of",
+    "chance_of_any",
     "draw_beams",
     "in_order",
+    "is_lit",
+    "level_of",
+    "place_of",
     "signals",
 ]
 
 ColumnArray = npt.NDArray[np.int32]
 
-EXACT, TABLE, ALARM = 1, 2, 3
-"""Why a beam is special: it goes through the exact chain, its sample has a row in the table, or background alone
-makes an echo away from the pulse."""
+EXACT, TABLE, ALARM, SEVERAL = 1, 2, 3, 4
+"""Why a beam is special: it goes through the exact chain, its sample has a row in the table, background alone makes an
+echo away from the pulse, or it has several pulses, each with a sample."""
 NOTHING = (1 << 48) - 1
 """The place of a beam that no pulse comes back to."""
 _BATCH = 512
@@ -46,32 +54,10 @@ _COSINE = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(11))
 
 _ZERO, _ONE, _KIND = np.uint64(0), np.uint64(w.ONE), np.uint64(w.KIND)
 _SPECIAL, _MANY, _NOTHING = np.uint64(w.SPECIAL), np.uint64(w.MANY), np.uint64(NOTHING)
-_EXACT, _TABLE, _ALARM = np.uint64(EXACT), np.uint64(TABLE), np.uint64(ALARM)
+_EXACT, _TABLE, _ALARM, _SEVERAL = np.uint64(EXACT), np.uint64(TABLE), np.uint64(ALARM), np.uint64(SEVERAL)
 _CODE_AT, _LIBRARY_AT, _PLACE_AT = np.uint64(w.CODE_AT), np.uint64(w.LIBRARY_AT), np.uint64(w.PLACE_AT)
-_CODE = np.uint64((1 << w.CODE_BITS) - 1)
+_CODE, _LIBRARY = np.uint64((1 << w.CODE_BITS) - 1), np.uint64((1 << w.LIBRARY_BITS) - 1)
 _MANTISSA_BITS, _MANTISSA, _BIAS = 52, np.uint64((1 << 52) - 1), 1023
-
-
-class Tables(NamedTuple):
-    """A library as kernels see it.
-
-    `words` (blocks * nodes * phases * samples,), of which those of `filled` blocks are set; `before`, `length`
-    (blocks,): their spans. `lowest`: the exponent of block 1. `alarms`: clumps of echoes that background alone makes, a
-    bin. The bits say how many signal steps, phases and samples there are; `number`, which of the frame's libraries.
-    """
-
-    words: WordArray
-    filled: npt.NDArray[np.bool_]
-    before: IndexArray
-    length: IndexArray
-    lowest: int
-    bins: int
-    bins_per_m: float
-    alarms: float
-    signal_bits: int
-    phase_bits: int
-    sample_bits: int
-    number: int
 
 
 def _bits_of(typing_context: Any, value: Any) -> Any:
@@ -83,7 +69,18 @@ def _bits_of(typing_context: Any, value: Any) -> Any:
     return types.uint64(types.float64), codegen
 
 
+def _word_at_of(typing_context: Any, address: Any, place: Any) -> Any:
+    """The `uint64` at a place of an array that begins at an address."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        start = builder.inttoptr(args[0], ir.IntType(64).as_pointer())
+        return builder.load(builder.gep(start, [args[1]]))
+
+    return types.uint64(types.int64, types.uint64), codegen
+
+
 _bits: Any = intrinsic(_bits_of)
+_word_at: Any = intrinsic(_word_at_of)
 
 
 @inlined
@@ -159,8 +156,9 @@ def _step_of(tables: Tables, signal: float) -> Any:
 
 
 @inlined
-def _place_of(tables: Tables, block: int, node: int, rest: int, centre: float, x0: Any, x1: Any, x2: Any) -> Any:
+def place_of(tables: Tables, signal: float, centre: float, x0: Any, x1: Any, x2: Any) -> Any:
     """The place of the sample: at one of the nodes and at one of the positions on either side, drawn by nearness."""
+    block, node, rest = _step_of(tables, signal)
     fine = np.uint64(_MANTISSA_BITS - tables.signal_bits)
     node += 1 if np.int64(x0 >> (np.uint64(64) - fine)) < rest else 0
     position = (centre - np.int64(centre)) * (1 << tables.phase_bits)
@@ -172,45 +170,136 @@ def _place_of(tables: Tables, block: int, node: int, rest: int, centre: float, x
 
 
 @inlined
+def bins_of(tables: Tables, range_m: float, signal: float) -> Any:
+    """The block of a pulse, -1 where there is none for it; the first bin that its sample sees, and how many."""
+    block = _step_of(tables, signal)[0]
+    last = len(tables.before) - 1
+    known = block if block < last else last
+    centre = range_m * tables.bins_per_m
+    first = np.int64(centre if centre < 1e9 else 1e9) - tables.before[known]
+    length = tables.length[known]
+    if block > last or first < 0 or first + length > tables.bins:
+        known = -1
+    return known, first, length
+
+
+@inlined
+def level_of(levels: Levels, background: float) -> Any:
+    """The level below a background, and where that stands between it and the next, in parts of one."""
+    level, above = np.int64(0), 0.0
+    if not levels.single:
+        fine = np.uint64(_MANTISSA_BITS - levels.bits)
+        bits: Any = _bits(background)
+        step = np.int64(bits >> fine) - (np.int64(_BIAS + levels.lowest) << np.int64(levels.bits))
+        rest = np.int64(bits & ((np.uint64(1) << fine) - np.uint64(1)))
+        level, above = step + 1, rest * 2.0 ** -np.float64(np.int64(fine))
+        if step < 0:
+            level, above = np.int64(0), background * 2.0**-levels.lowest
+        level -= levels.first
+    return level, above
+
+
+@inlined
+def _known(levels: Levels, level: int, above: float, wanted: npt.NDArray[np.bool_]) -> Any:
+    """Whether the libraries of a level and of the next, where that counts, are there and fit; else why not."""
+    last = levels.filled.shape[1] - 1
+    code = _ZERO
+    for k in range(2):
+        if (k == 0 or above > 0.0) and not levels.filled[level + k, last]:
+            wanted[level + k, last] = True
+            code = _TABLE
+        elif (k == 0 or above > 0.0) and levels.unfit[level + k]:
+            code = _EXACT
+    return code
+
+
+@inlined
+def alarm_rate_of(levels: Levels, level: int, above: float) -> Any:
+    """Clumps a bin that background alone makes, between two levels."""
+    return levels.alarms[level, 0] + above * (levels.alarms[level, 1] + above * levels.alarms[level, 2])
+
+
+@inlined
+def chance_of_any(mean: float) -> float:
+    """1 - exp(-mean), where the mean is below 1."""
+    return mean * (1.0 - mean / 2.0 * (1.0 - mean / 3.0 * (1.0 - mean / 4.0 * (1.0 - mean / 5.0 * (1.0 - mean / 6.0)))))
+
+
+@inlined
+def is_lit(tables: Tables, signal: float) -> bool:
+    """Whether one of several pulses makes any avalanche."""
+    return signal > tables.dark
+
+
+@kernel
+def _several(
+    tables: Tables, levels: Levels, level: int, pulses: SeveralPulses, i: Any, wanted: npt.NDArray[np.bool_]
+) -> Any:
+    """Whether the samples of a beam's pulses see bins of their own: `SEVERAL`, else `EXACT`."""
+    code, lit = _SEVERAL, 0
+    for j in range(pulses.first[i], pulses.first[i + np.uint64(1)]):
+        if not is_lit(tables, pulses.signal[j]):
+            continue
+        lit += 1
+        block, first, length = bins_of(tables, pulses.range_m[j], pulses.signal[j])
+        if block < 0 or lit > tables.most_pulses:
+            return _EXACT
+        if not levels.filled[level, block]:
+            wanted[level, block] = True
+        for k in range(pulses.first[i], j):
+            if is_lit(tables, pulses.signal[k]):
+                _, other, reach = bins_of(tables, pulses.range_m[k], pulses.signal[k])
+                if first < other + reach + tables.gap and other < first + length + tables.gap:
+                    code = _EXACT
+    return code
+
+
+@inlined
 def _find_place(
     tables: Tables,
+    levels: Levels,
     key: tuple[Any, Any, Any],
     beam: Any,
     range_m: float,
     signal: float,
+    background: float,
+    pulses: SeveralPulses,
+    i: Any,
     wanted: npt.NDArray[np.bool_],
 ) -> Any:
-    """Where a beam's sample stands, and why the beam is special before that sample is known."""
+    """Where a beam's sample stands, in which library, and why the beam is special before that sample is known."""
     x0, x1, x2, x3 = philox(key[0], key[1], 0, beam, key[2], 0)
-    elsewhere, place, code = tables.bins, _NOTHING, _ZERO
-    if signal > 0.0:
-        block, node, rest = _step_of(tables, signal)
-        last = len(tables.filled) - 1
-        known = block if block < last else last
-        centre = range_m * tables.bins_per_m
-        first = np.int64(centre if centre < 1e9 else 1e9) - tables.before[known]
-        if block > last or first < 0 or first + tables.length[known] > tables.bins:
+    elsewhere, place = tables.bins, _NOTHING
+    lower, above = level_of(levels, background)
+    code = _known(levels, lower, above, wanted)
+    level = lower + (1 if unit(x2 << np.uint64(tables.sample_bits)) < above else 0)
+    if code == _ZERO and signal < 0.0:
+        code = _several(tables, levels, level, pulses, i, wanted)
+    elif code == _ZERO and signal > 0.0:
+        known, _, length = bins_of(tables, range_m, signal)
+        if known < 0:
             code = _EXACT
-        elif not tables.filled[known]:
-            wanted[known] = True
+        elif not levels.filled[level, known]:
+            wanted[level, known] = True
         else:
-            place = _place_of(tables, known, node, rest, centre, x0, x1, x2)
-            elsewhere = tables.bins - tables.length[known]
-    mean = tables.alarms * elsewhere
-    # 1 - exp(-mean), where alarms are rare.
-    if code == _ZERO and unit(x3) < mean * (1.0 - 0.5 * mean):
+            place = place_of(tables, signal, range_m * tables.bins_per_m, x0, x1, x2)
+            elsewhere = tables.bins - length
+    if code == _ZERO and unit(x3) < chance_of_any(alarm_rate_of(levels, lower, above) * elsewhere):
         code = _ALARM
-    return place, code
+    return place, np.uint64(level), code
 
 
 @kernel
 def draw_beams(
     tables: Tables,
+    levels: Levels,
     key: tuple[Any, Any, Any],
     layer: ColumnArray,
     point: ColumnArray,
     range_m: FloatArray,
     signal: FloatArray,
+    background: FloatArray,
+    pulses: SeveralPulses,
     start: int,
     stop: int,
     drawn: WordArray,
@@ -219,26 +308,30 @@ def draw_beams(
 ) -> Any:
     """What the beams `start` ... `stop - 1` draw, into `drawn`; rows of special ones into `special` from `start` on.
 
-    `key`: seed, purpose and frame. Returns how many are plain beams with an echo, and how many are special. A block
-    that is not filled is put down in `wanted`, and its beams are not drawn.
+    `key`: seed, purpose and frame. `background`: of each beam, of none where there is a single library. Returns how
+    many are plain beams with an echo, and how many are special. Libraries that are not there and blocks that are not
+    filled are put down in `wanted`, as in `Levels.filled`, and their beams are not drawn.
     """
     plain: Any = 0
     odd = start
-    library = np.uint64(tables.number) << _LIBRARY_AT
     for low in range(start, stop, _BATCH):
         high = min(low + _BATCH, stop)
         for row in range(low, high):
             i = np.uint64(row)
-            place, code = _find_place(tables, key, beam_key(layer[i], point[i]), range_m[i], signal[i], wanted)
-            drawn[i] = place << _PLACE_AT | code
+            around = 0.0 if levels.single else background[i]
+            beam = beam_key(layer[i], point[i])
+            place, level, code = _find_place(
+                tables, levels, key, beam, range_m[i], signal[i], around, pulses, i, wanted
+            )
+            drawn[i] = place << _PLACE_AT | level << _LIBRARY_AT | code
         for row in range(low, high):
             i = np.uint64(row)
-            place, code = drawn[i] >> _PLACE_AT, drawn[i] & _CODE
-            word = _ZERO if place == _NOTHING else tables.words[place]
+            place, level, code = drawn[i] >> _PLACE_AT, drawn[i] >> _LIBRARY_AT & _LIBRARY, drawn[i] & _CODE
+            word = _ZERO if place == _NOTHING else _word_at(levels.words_at[level], place)
             if (word & _KIND) == _MANY and code == _ZERO:
                 code = _TABLE
             if code > _ZERO:
-                drawn[i] = _SPECIAL | code << _CODE_AT | library | place << _PLACE_AT
+                drawn[i] = _SPECIAL | code << _CODE_AT | level << _LIBRARY_AT | place << _PLACE_AT
                 special[odd] = row
                 odd += 1
             else:

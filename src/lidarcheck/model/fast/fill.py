@@ -20,8 +20,6 @@ from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray
 __all__ = ["Block", "Source", "fill_block"]
 
 
-_SEED = 0
-"""The library is the same for every user: what differs from run to run is which sample a beam draws."""
 _FIRST_LAYER = 1 << 20
 """Beams that no sensor has: their draws are nobody else's."""
 _POINTS = 960
@@ -31,18 +29,25 @@ _INSIDE = 1e-9
 
 
 class Source(NamedTuple):
-    """What a library is of: the sensor behind its detector effects, the laser's pulse, the background, the nodes."""
+    """What a library is of: the sensor behind its detector effects, the laser's pulse, the background, the nodes.
+
+    `seed`: of its samples. They are the same for every user: what differs from run to run is which of them a beam
+    draws. Libraries that stand in for each other have different ones, so that together they hold more.
+    """
 
     sensor: SpadArray
     shape: PulseShape | None
     background_per_ns: float
     grid: Grid
+    seed: int = 0
 
     @classmethod
-    def of(cls, sensor: SpadArray, shape: PulseShape | None, background_per_ns: float, grid: Grid) -> Source:
+    def of(
+        cls, sensor: SpadArray, shape: PulseShape | None, background_per_ns: float, grid: Grid, seed: int = 0
+    ) -> Source:
         """Without the numbers of the sensor that its echoes depend on only before or behind the library."""
         plain = replace(sensor, signal_at_1m=0.0, peak_saturation=1, time_offset_ns=0.0, range_resolution_m=0.0)
-        return cls(plain, shape, background_per_ns, grid)
+        return cls(plain, shape, background_per_ns, grid, seed)
 
 
 class Block(NamedTuple):
@@ -76,7 +81,7 @@ def fill_block(source: Source, block: int, span: Span, threads: int | None) -> B
     )
     # The gate is for the readout: a library knows pulses, not where they are.
     short = replace(source.sensor, min_range_m=0.0, max_range_m=(span.length - 0.5) * bin_m)
-    return _packed(chain_echoes(light, short, seed=_SEED, frame=block, threads=threads), centre)
+    return _packed(chain_echoes(light, short, seed=source.seed, frame=block, threads=threads), centre)
 
 
 def _packed(echoes: EchoArrays, centre: FloatArray) -> Block:

@@ -13,19 +13,21 @@ from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.exact.pulse_form import form_of
 from lidarcheck.model.fast import store
 from lidarcheck.model.fast import words as w
-from lidarcheck.model.fast.alarms import Alarms, alarm_rate, alarms_of
-from lidarcheck.model.fast.draw import Tables
+from lidarcheck.model.fast.alarms import Alarms, alarm_rate
+from lidarcheck.model.fast.disturbed import alarms_by
 from lidarcheck.model.fast.fill import Block, Source, fill_block
-from lidarcheck.model.fast.grid import lowest_octave, spans
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, NonIdeal, SpadArray
+from lidarcheck.model.fast.grid import LOST_AVALANCHES, Span, lowest_octave, spans
+from lidarcheck.model.fast.tables import Tables
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray
 
-__all__ = ["Library", "Samples", "affordable", "library_of"]
+__all__ = ["Library", "Samples", "affordable", "library_of", "tables_of"]
 
 _MOST_DETECTORS, _MOST_THRESHOLD, _MOST_BINS = 4095, 100, 256
-_MOST_ALARMS = 1e-2
-"""Echoes of background alone a beam; beyond, they are no rare events."""
-_KEPT = 8
-"""Libraries that stay in memory, each of some ten megabytes."""
+_MOST_ALARMS = 0.5
+"""Clumps of echoes of background alone a beam; beyond, two of them meet too often."""
+_KEPT, _KEPT_BYTES = 8, 1 << 29
+"""Libraries that stay in memory, and more as long as all together are no larger."""
+_MOST_PULSES = 8
 _libraries: collections.OrderedDict[Source, Library] = collections.OrderedDict()
 _guard = threading.Lock()
 
@@ -47,7 +49,7 @@ class Library:
     def __init__(self, source: Source) -> None:
         self._source = source
         self._numbers = numbers_of(source.sensor)
-        self._spans = spans(self._numbers, form_of(source.shape, source.sensor, source.sensor.bin_ns))
+        self._spans = _spans_of(source)
         nodes, phases, samples = source.grid.shape
         self._size = nodes * phases * samples
         # Memory is only taken up by the blocks that are filled.
@@ -55,7 +57,7 @@ class Library:
         self._filled = np.zeros(len(self._spans), dtype=np.bool_)
         self._blocks: list[Block | None] = [None] * len(self._spans)
         self._filling = threading.Lock()
-        self.alarms: Alarms = alarms_of(self._numbers, source.background_per_ns * source.sensor.bin_ns)
+        self.alarms: Alarms = alarms_by(source)
         self.samples = self._tabulate()
 
     @property
@@ -63,23 +65,20 @@ class Library:
         """Blocks that there may be."""
         return len(self._spans)
 
-    def tables(self, number: int = 0) -> Tables:
-        """What kernels draw from; `number`: which of the frame's libraries it is."""
-        sensor, grid = self._source.sensor, self._source.grid
-        return Tables(
-            words=self._words,
-            filled=self._filled,
-            before=np.array([span.before for span in self._spans]),
-            length=np.array([span.length for span in self._spans]),
-            lowest=lowest_octave(self._numbers),
-            bins=self._numbers.bins,
-            bins_per_m=2.0 / (LIGHT_SPEED_M_PER_NS * sensor.bin_ns),
-            alarms=self.alarms.rate,
-            signal_bits=grid.signal_bits,
-            phase_bits=grid.phase_bits,
-            sample_bits=grid.sample_bits,
-            number=number,
-        )
+    @property
+    def filled(self) -> npt.NDArray[np.bool_]:
+        """Which blocks are there, shape (blocks,)."""
+        return self._filled
+
+    @property
+    def words(self) -> npt.NDArray[np.uint64]:
+        """All words, shape (blocks * nodes * phases * samples,), of which those of filled blocks are set."""
+        return self._words
+
+    @property
+    def bytes(self) -> int:
+        """What the filled blocks take up."""
+        return int(np.count_nonzero(self._filled)) * self._size * self._words.itemsize
 
     def fill(self, wanted: npt.NDArray[np.bool_], threads: int | None = None) -> None:
         """See that the wanted blocks are there, shape (blocks,): from disk, else by the exact chain."""
@@ -122,15 +121,37 @@ class Library:
         return Samples(first, *(np.concatenate(columns) for columns in list(zip(*blocks, strict=True))[1:]))
 
 
+def tables_of(source: Source) -> Tables:
+    """What the libraries of a sensor and a pulse have in common, whatever the background."""
+    sensor, grid = source.sensor, source.grid
+    numbers, of_blocks = numbers_of(sensor), _spans_of(source)
+    return Tables(
+        before=np.array([span.before for span in of_blocks]),
+        length=np.array([span.length for span in of_blocks]),
+        lowest=lowest_octave(numbers),
+        bins=numbers.bins,
+        bins_per_m=2.0 / (LIGHT_SPEED_M_PER_NS * sensor.bin_ns),
+        signal_bits=grid.signal_bits,
+        phase_bits=grid.phase_bits,
+        sample_bits=grid.sample_bits,
+        gap=max(numbers.dead - numbers.on, 0),
+        dark=LOST_AVALANCHES / numbers.detectors,
+        most_pulses=_MOST_PULSES,
+    )
+
+
+def _spans_of(source: Source) -> list[Span]:
+    form = form_of(source.shape, source.sensor, source.sensor.bin_ns)
+    return spans(numbers_of(source.sensor), form, source.sensor)
+
+
 def affordable(source: Source) -> bool:
     """Whether a library can stand in for the exact chain: see docs/performance.md."""
     sensor = source.sensor
     numbers = numbers_of(sensor)
-    if sensor.nonideal != NonIdeal() or numbers.dead <= numbers.on or numbers.threshold > _MOST_THRESHOLD:
+    if numbers.dead <= numbers.on or numbers.threshold > _MOST_THRESHOLD or numbers.detectors > _MOST_DETECTORS:
         return False
-    if numbers.detectors > _MOST_DETECTORS:
-        return False
-    lengths = [span.length for span in spans(numbers, form_of(source.shape, sensor, sensor.bin_ns))]
+    lengths = [span.length for span in _spans_of(source)]
     shortest_m = 0.5 * LIGHT_SPEED_M_PER_NS * sensor.bin_ns * (min(lengths) - 0.5)
     if max(lengths) > _MOST_BINS or shortest_m < SpadArray.bounds["max_range_m"].low:
         return False
@@ -142,10 +163,11 @@ def library_of(source: Source) -> Library | None:
     with _guard:
         if source in _libraries:
             _libraries.move_to_end(source)
-            return _libraries[source]
-        if not affordable(source):
+        elif affordable(source):
+            _libraries[source] = Library(source)
+            while len(_libraries) > _KEPT and sum(library.bytes for library in _libraries.values()) > _KEPT_BYTES:
+                _libraries.popitem(last=False)
+        else:
             return None
-        library = _libraries[source] = Library(source)
-        while len(_libraries) > _KEPT:
-            _libraries.popitem(last=False)
-        return library
+        library = _libraries[source]
+    return library if library.alarms.rate * numbers_of(source.sensor).bins <= _MOST_ALARMS else None

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.arrays import FloatArray
 from lidarcheck.model.detection import chain_echoes
 from lidarcheck.model.exact.echoes import EchoArrays, new_echoes
 from lidarcheck.model.exact.report import report_of, room_for, scan_of_table
-from lidarcheck.model.fast.beams import CHUNK, DrawnBeams, Task
+from lidarcheck.model.fast.beams import CHUNK, DrawnBeams, Task, pick_pulses
 from lidarcheck.model.fast.draw import EXACT, draw_beams, in_order, signals
-from lidarcheck.model.fast.fill import Source
-from lidarcheck.model.fast.grid import DEFAULT_GRID
-from lidarcheck.model.fast.library import Library, library_of
+from lidarcheck.model.fast.grid import DEFAULT_GRID, LEVEL_GRID
+from lidarcheck.model.fast.hazy import hazy_echoes
+from lidarcheck.model.fast.shelf import Shelf, shelf_of
 from lidarcheck.model.fast.special import new_found, resolve
-from lidarcheck.model.fast.words import CODE_AT, CODE_BITS, KIND, ONE, SPECIAL
+from lidarcheck.model.fast.tables import SeveralPulses
+from lidarcheck.model.fast.words import CODE_AT, CODE_BITS, SPECIAL
 from lidarcheck.model.fast.write import write_echoes
 from lidarcheck.model.light import material_tables
 from lidarcheck.model.sharing import share
@@ -29,10 +30,7 @@ from lidarcheck.sensor import Beams, SpadArray
 __all__ = ["fast_echoes", "fast_frame"]
 
 IntArray = npt.NDArray[np.int64]
-ColumnArray = npt.NDArray[np.int32]
 
-_MOST_LIBRARIES = 8
-"""Backgrounds of a frame that get a library each; a frame of more goes through the exact chain."""
 _CODE = np.uint64((1 << CODE_AT + CODE_BITS) - 1)
 _EXACT_WORD = np.uint64(SPECIAL | EXACT << CODE_AT)
 
@@ -44,35 +42,29 @@ def fast_frame(ideal: IdealScan, model: Model, sensor: SpadArray, task: Task) ->
     chunk, without a `Light` in between.
     """
     tables = material_tables(model)
-    source = Source.of(sensor, None, model.sensor.background_per_ns, DEFAULT_GRID)
-    library = library_of(source)
-    if library is None or tables is None or ideal.share is not None or len(ideal) == 0:
+    if tables is None or ideal.share is not None or len(ideal) == 0:
         return None
-    beams = DrawnBeams.of(ideal.layer, ideal.point, ideal.distance_m, np.empty(len(ideal)))
+    background_per_ns = model.sensor.background_per_ns
+    shelf = shelf_of(sensor, None, np.array([background_per_ns]), DEFAULT_GRID, LEVEL_GRID)
+    if shelf is None:
+        return None
+    signal = np.empty(len(ideal))
+    beams = DrawnBeams.of(ideal.layer, ideal.point, ideal.distance_m, signal)
 
     def prepare(start: int, stop: int) -> bool:
         columns = (ideal.distance_m, ideal.incidence_deg, ideal.material_id)
-        odd = signals(*columns, *tables, beams.signal, start, stop)
+        odd = signals(*columns, *tables, signal, start, stop)
         return odd == 0 and in_order(ideal.layer, ideal.point, ideal.beams.layers, ideal.beams.points, start, stop)
 
-    if not _draw(beams, library, 0, task, prepare):
+    if not _draw(beams, shelf, task, prepare):
         return None
-    background_per_ns = model.sensor.background_per_ns
-    return _finish(
-        beams,
-        [library],
-        lambda rows: _light_of_rows(beams, rows, background_per_ns, ideal.beams),
-        sensor,
-        task,
-        ideal.beams,
-    )
+    light = functools.partial(_light_of_rows, beams, background_per_ns, ideal.beams)
+    return _finish(beams, shelf, light, sensor, task, ideal.beams)
 
 
 def fast_echoes(light: Light, sensor: SpadArray, task: Task) -> Scan | None:
-    """The echoes of any light: beams of one pulse from a library, all others through the exact chain.
-
-    None where nothing is gained.
-    """
+    """The echoes of any light: of beams whose pulses each see bins of their own from libraries, else by the exact
+    chain. None where nothing is gained."""
     layer, point = light.layer, light.point
     if (
         len(light) == 0
@@ -81,25 +73,34 @@ def fast_echoes(light: Light, sensor: SpadArray, task: Task) -> Scan | None:
         or point.max() >= light.beams.points
     ):
         return None
-    groups = _groups(light, sensor)
-    if not groups:
+    shelf = shelf_of(sensor, light.shape, light.background_per_ns, DEFAULT_GRID, LEVEL_GRID)
+    if shelf is None:
         return None
-    beams = DrawnBeams.of(layer, point, *_single_pulses(light))
-    for number, (rows, library) in enumerate(groups):
-        _draw_rows(beams, rows, library, number, task)
-    libraries = [library for _, library in groups]
-    return _finish(
-        beams,
-        libraries,
-        lambda rows: light_of_beams(light, np.isin(np.arange(len(light)), rows)),
-        sensor,
-        task,
-        light.beams,
-    )
+    if light.haze is not None:
+        return hazy_echoes(light, sensor, shelf, task)
+    beams = _beams_of(light, task)
+    _draw(beams, shelf, task)
+    return _finish(beams, shelf, functools.partial(_light_of_some, light), sensor, task, light.beams)
 
 
-def _light_of_rows(beams: DrawnBeams, rows: IntArray, background_per_ns: float, own: Beams) -> Light:
-    """The light of some beams."""
+def _beams_of(light: Light, task: Task) -> DrawnBeams:
+    """The beams of any light; their pulses, where each has just one, are those of the light."""
+    n, background = len(light), light.background_per_ns
+    if len(light.pulse_signal) == n and np.array_equal(light.first_pulse, np.arange(n + 1)):
+        return DrawnBeams.of(light.layer, light.point, light.pulse_range_m, light.pulse_signal, background)
+    pulses = SeveralPulses(light.first_pulse, light.pulse_range_m, light.pulse_signal)
+    range_m, signal = np.zeros(n), np.zeros(n)
+
+    def pick(start: int) -> None:
+        pick_pulses(pulses, start, min(start + CHUNK, n), range_m, signal)
+
+    if len(light.pulse_signal):
+        share(pick, range(0, n, CHUNK), task.threads)
+    return DrawnBeams.of(light.layer, light.point, range_m, signal, background, pulses)
+
+
+def _light_of_rows(beams: DrawnBeams, background_per_ns: float, own: Beams, rows: IntArray) -> Light:
+    """The light of some beams of a frame of one background."""
     return Light(
         layer=beams.layer[rows],
         point=beams.point[rows],
@@ -111,64 +112,15 @@ def _light_of_rows(beams: DrawnBeams, rows: IntArray, background_per_ns: float, 
     )
 
 
-def _groups(light: Light, sensor: SpadArray) -> list[tuple[IntArray | None, Library]]:
-    """Beams that may draw, by background, each with its library; None for the rows of all beams."""
-    if light.haze is not None:
-        return []
-    single = np.diff(light.first_pulse) <= 1
-    everyone = bool(single.all())
-    background = light.background_per_ns if everyone else light.background_per_ns[single]
-    if len(background) == 0:
-        return []
-    one = bool(background.min() == background.max())
-    values = background[:1] if one else np.unique(background)
-    if len(values) > _MOST_LIBRARIES:
-        return []
-    groups: list[tuple[IntArray | None, Library]] = []
-    for value in values:
-        library = library_of(Source.of(sensor, light.shape, float(value), DEFAULT_GRID))
-        if library is not None:
-            whole = everyone and one
-            groups.append((None if whole else np.flatnonzero(single & (light.background_per_ns == value)), library))
-    return groups
+def _light_of_some(light: Light, rows: IntArray) -> Light:
+    """The light of some of its beams, rows in their order."""
+    chosen = np.zeros(len(light), dtype=np.bool_)
+    chosen[rows] = True
+    return light_of_beams(light, chosen)
 
 
-def _single_pulses(light: Light) -> tuple[FloatArray, FloatArray]:
-    """Range and S of each beam's first pulse, 0 where it has none."""
-    has = np.diff(light.first_pulse) > 0
-    if len(light.pulse_signal) == len(light) and has.all():
-        return light.pulse_range_m, light.pulse_signal
-    range_m, signal = np.zeros(len(light)), np.zeros(len(light))
-    first = light.first_pulse[:-1][has]
-    range_m[has], signal[has] = light.pulse_range_m[first], light.pulse_signal[first]
-    return range_m, signal
-
-
-def _draw_rows(beams: DrawnBeams, rows: IntArray | None, library: Library, number: int, task: Task) -> None:
-    """Let some beams draw from a library; where these are not all, the others go through the exact chain so far."""
-    if rows is None:
-        _draw(beams, library, number, task)
-        return
-    if number == 0:
-        beams.drawn[:] = _EXACT_WORD
-    part = DrawnBeams.of(beams.layer[rows], beams.point[rows], beams.range_m[rows], beams.signal[rows])
-    _draw(part, library, number, task)
-    beams.drawn[rows] = part.drawn
-    kind = beams.drawn & np.uint64(KIND)
-    special = np.flatnonzero(kind == SPECIAL)
-    edges = np.append(np.arange(0, len(beams), CHUNK), len(beams))
-    beams.plain[:] = np.diff(np.searchsorted(np.flatnonzero(kind == ONE), edges))
-    places = np.searchsorted(special, edges)
-    beams.odd[:] = np.diff(places)
-    for start, low, high in zip(edges[:-1], places[:-1], places[1:], strict=True):
-        beams.special[start : start + high - low] = special[low:high]
-
-
-def _draw(
-    beams: DrawnBeams, library: Library, number: int, task: Task, prepare: Callable[[int, int], bool] | None = None
-) -> bool:
+def _draw(beams: DrawnBeams, shelf: Shelf, task: Task, prepare: Callable[[int, int], bool] | None = None) -> bool:
     """Let all beams draw, filling the blocks they ask for; False where `prepare` turned a chunk down."""
-    wanted = np.zeros(library.blocks, dtype=np.bool_)
     fair = np.ones(len(beams.plain), dtype=np.bool_)
 
     def run(start: int) -> None:
@@ -176,19 +128,19 @@ def _draw(
         chunk = start // CHUNK
         fair[chunk] = prepare is None or prepare(low, high)
         if fair[chunk]:
-            columns = (beams.layer, beams.point, beams.range_m, beams.signal)
-            found = draw_beams(tables, task.key, *columns, low, high, beams.drawn, beams.special, wanted)
-            beams.plain[chunk], beams.odd[chunk] = found
+            columns = (beams.layer, beams.point, beams.range_m, beams.signal, beams.background, beams.pulses)
+            where = (low, high, beams.drawn, beams.special)
+            arguments: tuple[Any, ...] = (shelf.tables, levels, task.key, *columns, *where, wanted)
+            beams.plain[chunk], beams.odd[chunk] = draw_beams(*arguments)
 
     while True:
-        tables = library.tables(number)
+        levels, wanted = shelf.levels(), shelf.asked()
         share(run, range(0, len(beams), CHUNK), task.threads, _told(task, len(beams), 0))
         if not fair.all():
             return False
         if not wanted.any():
             return True
-        library.fill(wanted, task.threads)
-        wanted[:] = False
+        shelf.fill(wanted, task.threads)
 
 
 def _told(task: Task, beams: int, half: int) -> Callable[[int], object]:
@@ -201,7 +153,7 @@ def _told(task: Task, beams: int, half: int) -> Callable[[int], object]:
 
 def _finish(
     beams: DrawnBeams,
-    libraries: list[Library],
+    shelf: Shelf,
     light: Callable[[IntArray], Light],
     sensor: SpadArray,
     task: Task,
@@ -209,7 +161,7 @@ def _finish(
 ) -> Scan:
     """The table of echoes of beams that have drawn. `light`: of some, for the exact chain; `own`: the sensor's."""
     special = beams.listed()
-    echoes = _special_echoes(beams, special, libraries, light, sensor, task)
+    echoes = _special_echoes(beams, special, shelf, light, sensor, task)
     behind = np.concatenate([[0], np.cumsum(beams.odd)])
     held = np.concatenate([[0], np.cumsum(echoes.held)])
     first = np.concatenate([[0], np.cumsum(beams.plain + np.diff(held[behind]))])
@@ -228,7 +180,7 @@ def _finish(
 def _special_echoes(
     beams: DrawnBeams,
     special: IntArray,
-    libraries: list[Library],
+    shelf: Shelf,
     light: Callable[[IntArray], Light],
     sensor: SpadArray,
     task: Task,
@@ -241,13 +193,16 @@ def _special_echoes(
         columns: list[npt.NDArray[Any]] = list(echoes)
         for column, values in zip(columns, found, strict=True):
             column[exact] = values
-    for number, library in enumerate(libraries):
-        what: tuple[Any, ...] = (library.tables(number), library.samples, library.alarms)
+    levels = shelf.levels()
+    for number, library in enumerate(shelf.libraries):
+        if library is None:
+            continue
+        what: tuple[Any, ...] = (shelf.tables, levels, number, library.words, library.samples, library.alarms)
 
         def run(start: int, what: tuple[Any, ...] = what) -> None:
             stop = min(start + CHUNK, len(special))
-            where = (beams.layer, beams.point, beams.range_m, beams.drawn, special, start, stop)
-            arguments: tuple[Any, ...] = (*what, task.key, *where, new_found(), echoes)
+            columns = (beams.layer, beams.point, beams.range_m, beams.background, beams.pulses, beams.drawn)
+            arguments: tuple[Any, ...] = (*what, task.key, *columns, special, start, stop, new_found(), echoes)
             resolve(*arguments)
 
         share(run, range(0, len(special), CHUNK), task.threads)

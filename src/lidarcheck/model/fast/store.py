@@ -31,10 +31,10 @@ _DIGEST = hashlib.sha256().digest_size
 _log = logging.getLogger(__name__)
 
 
-def path_of(source: Any, block: int) -> Path:
-    """The file of a block. `source`: a tuple that says all that the library depends on besides the model's code."""
+def path_of(source: Any, part: int | str) -> Path:
+    """The file of a block, or of what has that name. `source`: all that it depends on but the model's code."""
     key = hashlib.sha256(repr(tuple(source)).encode()).hexdigest()
-    return base_directory() / "echoes" / source_hash()[:16] / f"{key[:16]}-{block}.npz"
+    return base_directory() / "echoes" / source_hash()[:16] / f"{key[:16]}-{part}.npz"
 
 
 def load(path: Path) -> dict[str, npt.NDArray[Any]] | None:

@@ -1,0 +1,157 @@
+"""Histories of haze: what the light that the air scatters makes of a beam's detectors, before anything else comes back.
+
+In the same air and under the same background beams differ only in where the haze ends and in what is behind it. So its
+avalanches and echoes are drawn once, for many beams without an end, and kept. `join.py` lets a beam go on from one.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.arrays import FloatArray
+from lidarcheck.jit import kernel
+from lidarcheck.model.exact.abreast import RESERVE, Abreast, new_abreast, run_abreast
+from lidarcheck.model.exact.binomial import inverses
+from lidarcheck.model.exact.haze_rates import HazeRates
+from lidarcheck.model.exact.numbers import Numbers
+from lidarcheck.model.lane_math import LANES
+from lidarcheck.model.sharing import Share
+from lidarcheck.model.streams import Stream, fill_abreast, new_stream
+
+__all__ = ["FIELDS", "HISTORIES", "Histories", "histories_of", "last_bin"]
+
+HISTORIES = 16384
+"""Of one air and background; beams share them, which adds 1/16384 of a beam's variance to that of a frame's mean."""
+_WARM_UP = 4
+"""Dead times of background before bin 0."""
+_FAINT = 0.01
+"""Detectors ON by haze, on average, below which a history ends."""
+FIELDS, _ROOM = 5, 6
+"""Numbers of an echo, and the most echoes of a history."""
+_MOST_COUNT = 255
+_CHUNK = 1024
+
+
+class Histories(NamedTuple):
+    """Avalanches `counts` (HISTORIES, bins) from bin `start` on to `end`, and the echoes from bin 0 on.
+
+    `echoes` (HISTORIES, 1 + room * 5): how many, and of each the first bin, the one behind the last, area, first moment
+    and peak; in one piece, since each beam fetches another history's.
+    """
+
+    start: int
+    end: int
+    counts: npt.NDArray[np.uint8]
+    echoes: npt.NDArray[np.int32]
+
+
+def last_bin(numbers: Numbers, haze: HazeRates, weight: float) -> int:
+    """The bin from which on haze of that weight is faint, and a dead time has passed."""
+    bright = np.flatnonzero(weight * haze.ceiling[:-1] * numbers.detectors * numbers.on > _FAINT)
+    end = (int(bright[-1]) + 1 if len(bright) else 0) + numbers.dead + numbers.on
+    return min(end, numbers.bins)
+
+
+def histories_of(
+    numbers: Numbers, haze: HazeRates, weight: float, per_bin: float, level: int, among: Share
+) -> Histories | None:
+    """The histories of a haze and a background of `per_bin`; None where a bin holds too many avalanches to keep.
+
+    `level`: of the background; each has draws of its own.
+    """
+    rates = per_bin + weight * haze.whole[: last_bin(numbers, haze, weight)]
+    return _kept(numbers, per_bin, rates.tobytes(), level, _Same(among))
+
+
+class _Same:
+    """On which threads does not matter to what is found."""
+
+    def __init__(self, among: Share) -> None:
+        self.among = among
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same)
+
+    def __hash__(self) -> int:
+        return 0
+
+
+@functools.lru_cache(maxsize=32)
+def _kept(numbers: Numbers, per_bin: float, of_bins: bytes, level: int, how: _Same) -> Histories | None:
+    start = -_WARM_UP * numbers.dead
+    rates = np.concatenate([np.full(-start, per_bin), np.frombuffer(of_bins)])
+    counts = np.empty((HISTORIES, len(rates)), dtype=np.uint8)
+    echoes = np.zeros((HISTORIES, 1 + FIELDS * _ROOM), dtype=np.int32)
+    found = Histories(start, len(rates) + start, counts, echoes)
+    group_of: Callable[[], Abreast] = lambda: new_abreast(numbers._replace(bins=len(rates)))  # noqa: E731
+    fits = np.ones(HISTORIES // _CHUNK, dtype=np.bool_)
+
+    def run(at: int) -> None:
+        stream = new_stream(0, "fast haze", level)
+        inverse = inverses(numbers.detectors)
+        fits[at // _CHUNK] = _simulate(numbers, stream, rates, at, at + _CHUNK, group_of(), inverse, found)
+
+    how.among(run, range(0, HISTORIES, _CHUNK))
+    return found if fits.all() else None
+
+
+@kernel
+def _simulate(
+    numbers: Numbers,
+    stream: Stream,
+    rates: FloatArray,
+    start: int,
+    stop: int,
+    group: Abreast,
+    inverse: FloatArray,
+    found: Histories,
+) -> bool:
+    """The histories `start` ... `stop - 1`; False where a count does not fit."""
+    bins = len(rates)
+    fits: Any = True
+    for low in range(start, stop, LANES):
+        group.counts[: numbers.dead * LANES] = 0.0
+        for lane in range(LANES):
+            group.key[lane] = np.uint64(low + lane)
+            group.dead[lane] = 0
+            for k in range(bins):
+                group.rates[k * LANES + lane] = rates[k]
+        fill_abreast(stream, group.key, (RESERVE + bins + 3) // 4, group.words, group.draws)
+        run_abreast(numbers, group, bins, inverse)
+        for lane in range(LANES):
+            for k in range(bins):
+                count = np.int64(group.counts[(numbers.dead + k) * LANES + lane])
+                fits = fits and count <= _MOST_COUNT
+                found.counts[low + lane, k] = count
+            _find_echoes(numbers, found, low + lane)
+    return bool(fits)
+
+
+@kernel
+def _find_echoes(numbers: Numbers, found: Histories, h: int) -> None:
+    """Write down the echoes of a history from bin 0 on."""
+    counts, echoes, zero = found.counts[h], found.echoes[h], -found.start
+    most = len(echoes) // FIELDS
+    on: Any = 0
+    held, width, area, moment, peak = 0, 0, 0, 0, 0
+    for k in range(zero - numbers.on + 1, zero):
+        on += np.int64(counts[k])
+    for bin_ in range(found.end):
+        on += np.int64(counts[zero + bin_])
+        if on > numbers.threshold:
+            width, area, moment, peak = width + 1, area + on, moment + on * bin_, max(peak, on)
+        if width > 0 and (on <= numbers.threshold or bin_ == found.end - 1) and held < most:
+            last = bin_ + 1 if on > numbers.threshold else bin_
+            at = 1 + FIELDS * held
+            echoes[at], echoes[at + 1], echoes[at + 2] = last - width, last, area
+            echoes[at + 3], echoes[at + 4] = moment, peak
+            held += 1
+        if on <= numbers.threshold:
+            width = area = moment = peak = 0
+        on -= np.int64(counts[zero + bin_ - numbers.on + 1])
+    echoes[0] = held
