@@ -47,7 +47,7 @@ def hazy_echoes(light: Light, sensor: SpadArray, shelf: Shelf, task: Task) -> Sc
     if sensor.nonideal != NonIdeal() or numbers.detectors > MOST_DETECTORS or numbers.bins > MOST_BINS:
         return None
     pulses = pulses_of(light, sensor, numbers, among)
-    if pulses.haze.last == 0:
+    if len(pulses.haze.share) == 0:
         return None
     weight = float(np.partition(pulses.haze.share, len(pulses.haze.share) // 2)[len(pulses.haze.share) // 2])
     level, rate = _levels_of(light, pulses.haze, weight, shelf, task)

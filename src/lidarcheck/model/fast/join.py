@@ -79,6 +79,27 @@ def _window(numbers: Numbers, pulses: Pulses, end_of_history: int, nearer2: floa
 
 
 @inlined
+def _history(histories: Histories, group: Abreast, lane: Any, row: int) -> Any:
+    """Which history a lane draws: for what lies before its window, or, with the next row of draws, for the entry."""
+    return np.int64(group.draws[row * LANES + lane] * histories.counts.shape[0])
+
+
+@inlined
+def _fetch(numbers: Numbers, histories: Histories, held: int, work: Work) -> None:
+    """Touch what lanes are to read of their histories: reads that wait for memory then wait together."""
+    group, touched = work.group, 0.0
+    for lane in range(held):
+        at = min(group.begin[lane], histories.end) - histories.start
+        h, entry = (
+            _history(histories, group, lane, 0),
+            _history(histories, group, lane, 0 if group.begin[lane] <= histories.end else 1),
+        )
+        touched += histories.counts[entry, at - numbers.dead] + histories.counts[entry, at - 1]
+        touched += histories.echoes[h, 0] + histories.echoes[h, histories.echoes.shape[1] // 2]
+    work.rates[0] = touched
+
+
+@inlined
 def _enter(
     numbers: Numbers, histories: Histories, pulses: Pulses, per_bin: float, i: Any, lane: Any, work: Work
 ) -> None:
@@ -87,7 +108,7 @@ def _enter(
     begin, length = group.begin[lane], group.length[lane]
     # Behind the end of the haze any history's last dead time will do: nothing is left of what came before.
     at = min(begin, histories.end)
-    h = np.int64(group.draws[lane if begin <= histories.end else LANES + lane] * histories.counts.shape[0])
+    h = _history(histories, group, lane, 0 if begin <= histories.end else 1)
     dead: Any = 0
     column = at - histories.start - numbers.dead
     for k in range(1, numbers.dead):
@@ -160,7 +181,7 @@ def _merge(numbers: Numbers, histories: Histories, lane: int, work: Work) -> int
     """The echoes of a lane's history before its window and of the window; how many."""
     group, found, local = work.group, work.found, work.echoes
     begin, length = group.begin[lane], group.length[lane]
-    h = np.int64(group.draws[lane] * histories.counts.shape[0])
+    h = _history(histories, group, lane, 0)
     end = min(begin, histories.end)
     on = 0.0
     if length > 0 and begin <= histories.end:
@@ -258,6 +279,7 @@ def join_beams(
                 group.begin[lane], group.length[lane], group.key[lane] = begin, end - begin, beams[i]
                 most = max(most, end - begin)
         fill_abreast(stream, group.key, (RESERVE + most + 3) // 4, group.words, group.draws)
+        _fetch(numbers, histories, held, work)
         group.rates[: most * LANES] = 0.0
         for lane in range(held):
             of: Any = np.uint64(rows[low + lane])

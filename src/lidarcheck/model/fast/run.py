@@ -76,7 +76,7 @@ def fast_echoes(light: Light, sensor: SpadArray, task: Task) -> Scan | None:
     shelf = shelf_of(sensor, light.shape, light.background_per_ns, DEFAULT_GRID, LEVEL_GRID)
     if shelf is None:
         return None
-    if light.haze is not None:
+    if light.haze is not None and np.any(light.haze.density_per_m > 0.0) and np.any(light.haze.row_share > 0.0):
         return hazy_echoes(light, sensor, shelf, task)
     beams = _beams_of(light, task)
     _draw(beams, shelf, task)
