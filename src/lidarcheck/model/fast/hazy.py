@@ -57,7 +57,9 @@ def hazy_echoes(light: Light, sensor: SpadArray, shelf: Shelf, task: Task) -> Sc
     order = np.argsort(level, kind="stable")
     edges = np.searchsorted(level[order], np.arange(len(shelf.libraries) + 1))
     form = form_of(light.shape, sensor, sensor.bin_ns)
-    nearer2 = 2.0 * form.sigma**2 * float(elementary.log(_MORE_LOST)) if form.tail_share == 0.0 else 0.0
+    reach = np.arange(int(max(pulses.reach.max(initial=0), pulses.reach_behind.max(initial=0), pulses.haze.behind)) + 1)
+    less = 2.0 * form.sigma**2 * float(elementary.log(_MORE_LOST)) if form.tail_share == 0.0 else 0.0
+    nearer = np.ceil(np.sqrt(np.maximum(reach**2 - less, 0.0))).astype(np.int64)
     idle: list[Any] = []
     for k, library in enumerate(shelf.libraries):
         rows = order[edges[k] : edges[k + 1]]
@@ -77,7 +79,7 @@ def hazy_echoes(light: Light, sensor: SpadArray, shelf: Shelf, task: Task) -> Sc
             except IndexError:
                 work = new_work(numbers)
             stream = streams.new_stream(task.seed, "fast haze", task.frame)
-            columns: tuple[Any, ...] = (stream, beams, per_bin, rate, pulses, nearer2, rows)
+            columns: tuple[Any, ...] = (stream, beams, per_bin, rate, pulses, nearer, rows)
             arguments: tuple[Any, ...] = (*what, *columns, start, min(start + _CHUNK, len(rows)), work, echoes)
             join_beams(*arguments)
             idle.append(work)

@@ -21,7 +21,7 @@ from lidarcheck.model.exact.haze_rates import HazeRates
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.sharing import Share
-from lidarcheck.model.streams import Stream, fill_abreast, new_stream
+from lidarcheck.model.streams import Stream, fill_twice_abreast, new_stream
 
 __all__ = ["FIELDS", "HISTORIES", "Histories", "histories_of", "last_bin"]
 
@@ -115,13 +115,13 @@ def _simulate(
     bins = len(rates)
     fits: Any = True
     for low in range(start, stop, LANES):
-        group.counts[: numbers.dead * LANES] = 0.0
+        group.counts[: numbers.dead * LANES] = 0
         for lane in range(LANES):
             group.key[lane] = np.uint64(low + lane)
             group.dead[lane] = 0
             for k in range(bins):
                 group.rates[k * LANES + lane] = rates[k]
-        fill_abreast(stream, group.key, (RESERVE + bins + 3) // 4, group.words, group.draws)
+        fill_twice_abreast(stream, group.key, (RESERVE + bins + 7) // 8, group.words, group.draws)
         run_abreast(numbers, group, bins, inverse)
         for lane in range(LANES):
             for k in range(bins):

@@ -6,7 +6,6 @@ there; both are a history's.
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +24,7 @@ from lidarcheck.model.fast.draw import chance_of_any
 from lidarcheck.model.fast.histories import FIELDS, Histories
 from lidarcheck.model.fast.special import insert, new_found
 from lidarcheck.model.lane_math import LANES, exp, whole_below
-from lidarcheck.model.streams import Stream, fill_abreast, philox, unit
+from lidarcheck.model.streams import Stream, fill_twice_abreast, philox, unit
 
 __all__ = ["Work", "join_beams", "new_work"]
 
@@ -52,26 +51,20 @@ def new_work(numbers: Numbers) -> Work:
 
 
 @inlined
-def _nearer(reach: Any, nearer2: float) -> Any:
-    """A reach beyond which a thousand times more is lost: a thousandth of an avalanche of a beam's many."""
-    return math.ceil(math.sqrt(max(reach * reach - nearer2, 0.0)))
-
-
-@inlined
-def _window(numbers: Numbers, pulses: Pulses, end_of_history: int, nearer2: float, i: Any) -> Any:
+def _window(numbers: Numbers, pulses: Pulses, end_of_history: int, nearer: IndexArray, i: Any) -> Any:
     """The bins of a beam that differ from a history: its pulses' and those where its haze ends."""
     haze = pulses.haze
     begin, end = end_of_history, 0
     for j in range(pulses.first[i], pulses.first[i + np.uint64(1)]):
         if pulses.signal[j] > 0.0:
             middle = whole_below(pulses.centre[j])
-            begin = min(begin if end > 0 else numbers.bins, middle - _nearer(pulses.reach[j], nearer2))
-            end = max(end, middle + _nearer(pulses.reach_behind[j], nearer2) + 1)
+            begin = min(begin if end > 0 else numbers.bins, middle - nearer[np.uint64(pulses.reach[j])])
+            end = max(end, middle + nearer[np.uint64(pulses.reach_behind[j])] + 1)
     at = whole_below(min(haze.end[haze.first[i]], 2.0 * haze.last))
-    before = at - _nearer(haze.before, nearer2) - 1
+    before = at - nearer[np.uint64(haze.before)] - 1
     if before < end_of_history:
         begin = min(begin, before)
-        end = max(end, at + _nearer(haze.behind, nearer2) + 1)
+        end = max(end, at + nearer[np.uint64(haze.behind)] + 1)
     if end > 0:
         end += numbers.on + _MARGIN
     begin, end = min(max(begin, 0), numbers.bins), min(end, numbers.bins)
@@ -117,9 +110,7 @@ def _enter(
         dead += count
     group.dead[lane] = dead
     rates = work.rates
-    for k in range(np.uint64(length)):
-        rates[k] = per_bin
-    _add_haze(pulses, i, begin, begin + length, rates)
+    _put_haze(pulses, per_bin, i, begin, begin + length, rates)
     add_pulses(pulses, i, begin, begin + length, rates)
     step, first = np.uint64(LANES), np.uint64(lane)
     for k in range(np.uint64(length)):
@@ -127,38 +118,47 @@ def _enter(
 
 
 @inlined
-def _add_part(weight: float, source: FloatArray, at: int, low: int, high: int, origin: int, rates: FloatArray) -> None:
-    """Add `weight` times a row that begins in bin `at` to the bins `low` ... `high - 1`; rates begin with `origin`."""
+def _put_part(
+    per_bin: float, weight: float, source: FloatArray, at: int, low: int, high: int, origin: int, rates: FloatArray
+) -> None:
+    """Put background and `weight` times a row that begins in bin `at` into the bins `low` ... `high - 1`; rates begin
+    with bin `origin`."""
     # An unsigned index cannot count from the array's end, which saves the test for it.
     column, bin_ = np.uint64(low - at), np.uint64(low - origin)
     for k in range(np.uint64(max(high - low, 0))):
-        rates[bin_ + k] += weight * source[column + k]
+        rates[bin_ + k] = per_bin + weight * source[column + k]
 
 
 @inlined
-def _add_haze(pulses: Pulses, i: Any, begin: int, end: int, rates: FloatArray) -> None:
-    """Add the haze of a beam that has one row; `add_haze` for this case."""
+def _put_haze(pulses: Pulses, per_bin: float, i: Any, begin: int, end: int, rates: FloatArray) -> None:
+    """Put background and the haze of a beam that has one row into `rates`; see `add_haze`."""
     haze = pulses.haze
     row = haze.first[i]
     share, at = haze.share[row], haze.end[row]
     cell = int(min(at / haze.step, 1e9))
     if cell >= len(haze.density):
-        _add_part(share, haze.whole, 0, begin, min(end, haze.last), begin, rates)
+        last = max(min(end, haze.last), begin)
+        _put_part(per_bin, share, haze.whole, 0, begin, last, begin, rates)
+        _put_part(per_bin, 0.0, haze.whole, 0, last, end, begin, rates)
     elif haze.stride > 1:
+        _put_part(per_bin, 0.0, haze.whole, 0, begin, end, begin, rates)
         add_haze(haze, i, begin, end, rates)
     else:
         start = cell * haze.step
         first = whole_below(start) - haze.before - 1
-        last = first + haze.cut.shape[1]
-        _add_part(share, haze.whole, 0, begin, min(end, first), begin, rates)
-        _add_part(share, haze.cut[cell], first, max(first, begin), min(last, end), begin, rates)
+        low = max(min(first, end), begin)
+        high = max(min(first + haze.cut.shape[1], end), low)
+        _put_part(per_bin, share, haze.whole, 0, begin, low, begin, rates)
+        _put_part(per_bin, share, haze.cut[cell], first, low, high, begin, rates)
+        _put_part(per_bin, 0.0, haze.whole, 0, high, end, begin, rates)
         # The cell that the row ends in is a third of a bin at most: its light is a pulse's in the middle.
         light, centre = share * haze.density[cell] * (at - start), 0.5 * (start + at)
         middle = whole_below(centre)
-        first = middle - pulses.middle
-        last = first + pulses.shares.shape[1]
         shares = pulses.shares[int((centre - middle) * PHASES)]
-        _add_part(light, shares, first, max(first, begin), min(last, end), begin, rates)
+        low = max(middle - pulses.middle, begin)
+        column, bin_ = np.uint64(low - middle + pulses.middle), np.uint64(low - begin)
+        for k in range(np.uint64(max(min(middle - pulses.middle + len(shares), end) - low, 0))):
+            rates[bin_ + k] += light * shares[column + k]
 
 
 @kernel
@@ -176,14 +176,22 @@ def _begun(numbers: Numbers, histories: Histories, h: Any, first: Any, last: Any
     return area, moment, peak
 
 
-@kernel
+@inlined
+def _append(found: FloatArray, held: int, centre: float, width: Any, area: Any, peak: Any) -> int:
+    """Put an echo behind those before it; how many there are."""
+    at = np.uint64(held)
+    found[at, 0], found[at, 1], found[at, 2], found[at, 3] = centre, width, area, peak
+    return held + 1
+
+
+@inlined
 def _merge(numbers: Numbers, histories: Histories, lane: int, work: Work) -> int:
     """The echoes of a lane's history before its window and of the window; how many."""
     group, found, local = work.group, work.found, work.echoes
     begin, length = group.begin[lane], group.length[lane]
     h = _history(histories, group, lane, 0)
     end = min(begin, histories.end)
-    on = 0.0
+    on: Any = 0
     if length > 0 and begin <= histories.end:
         for age in range(numbers.on):
             on += group.counts[(numbers.dead - age) * LANES + lane]
@@ -193,7 +201,7 @@ def _merge(numbers: Numbers, histories: Histories, lane: int, work: Work) -> int
         first, last = np.int64(before[j]), np.int64(before[j + 1])
         if last < end:
             centre = before[j + 3] / before[j + 2] + 0.5
-            held = insert(found, held, centre, last - first, np.int64(before[j + 2]), np.int64(before[j + 4]))
+            held = _append(found, held, centre, last - first, before[j + 2], before[j + 4])
         elif first < end:
             area, moment, peak = _begun(numbers, histories, h, first, end)
             centre, width = moment / area + 0.5, end - first
@@ -202,10 +210,10 @@ def _merge(numbers: Numbers, histories: Histories, lane: int, work: Work) -> int
                 centre = (centre * area + local.centre[lane, 0] * more) / (area + more)
                 width, area = width + local.width[lane, 0], area + more
                 peak, taken = max(peak, np.int64(local.peak[lane, 0])), 1
-            held = insert(found, held, centre, width, area, peak)
+            held = _append(found, held, centre, width, area, peak)
     for j in range(taken, local.held[lane]):
-        area, peak = np.int64(local.area[lane, j]), np.int64(local.peak[lane, j])
-        held = insert(found, held, local.centre[lane, j], local.width[lane, j], area, peak)
+        centre, width = local.centre[lane, j], local.width[lane, j]
+        held = _append(found, held, centre, width, local.area[lane, j], local.peak[lane, j])
     return held
 
 
@@ -213,7 +221,8 @@ def _merge(numbers: Numbers, histories: Histories, lane: int, work: Work) -> int
 def _add_alarms(
     numbers: Numbers,
     alarms: Alarms,
-    rate: float,
+    mean: float,
+    left: float,
     key: tuple[Any, Any, Any],
     beam: Any,
     low: int,
@@ -222,12 +231,8 @@ def _add_alarms(
     found: FloatArray,
     held: int,
 ) -> int:
-    """Add what background alone makes, but in the bins before `low` and in `begin` ... `end - 1`."""
-    mean = rate * (begin - low + numbers.bins - end)
-    _, _, _, word = philox(key[0], key[1], 0, beam, key[2], 0)
-    left = unit(word)
-    if left >= chance_of_any(mean):
-        return held
+    """Add what background alone makes, but in the bins before `low` and in `begin` ... `end - 1`: `mean` clumps in the
+    mean, and at least one, since the draw `left` is below the chance of any."""
     term = mean * exp(-mean)
     for clump in range(1, _MOST_CLUMPS + 1):
         pick, place, _, _ = philox(key[0], key[1], clump, beam, key[2], 0)
@@ -245,6 +250,20 @@ def _add_alarms(
     return held
 
 
+@inlined
+def _report(found: FloatArray, count: int, row: Any, echoes: EchoArrays) -> None:
+    """Put a beam's echoes into its row."""
+    if count <= echoes.area.shape[1]:
+        echoes.held[row] = count
+        for j in range(np.uint64(count)):
+            echoes.centre[row, j], echoes.width[row, j] = found[j, 0], int(found[j, 1])
+            echoes.area[row, j], echoes.peak[row, j] = int(found[j, 2]), int(found[j, 3])
+    else:
+        echoes.held[row] = 0
+        for j in range(count):
+            keep(echoes, row, found[j, 0], int(found[j, 1]), int(found[j, 2]), int(found[j, 3]))
+
+
 @kernel
 def join_beams(
     numbers: Numbers,
@@ -256,7 +275,7 @@ def join_beams(
     per_bin: FloatArray,
     rate: FloatArray,
     pulses: Pulses,
-    nearer2: float,
+    nearer: IndexArray,
     rows: IndexArray,
     start: int,
     stop: int,
@@ -266,7 +285,8 @@ def join_beams(
     """The echoes of the beams `rows[start]` ... `rows[stop - 1]`, all of one level, into their rows of `echoes`.
 
     Of all beams, (n_beams,): `beams`, what streams know them by; `per_bin`, background avalanches per armed SPAD and
-    bin; `rate`, clumps of echoes a bin that background alone makes. `nearer2` [bins^2]: see `_nearer`.
+    bin; `rate`, clumps of echoes a bin that background alone makes. `nearer`: what a reach
+    [bins] of the exact chain may be cut to.
     """
     group = work.group
     for low in range(start, stop, LANES):
@@ -275,10 +295,10 @@ def join_beams(
             group.beam[lane], group.begin[lane], group.length[lane], group.dead[lane] = lane, 0, 0, 0
             if lane < held:
                 i: Any = np.uint64(rows[low + lane])
-                begin, end = _window(numbers, pulses, histories.end, nearer2, i)
+                begin, end = _window(numbers, pulses, histories.end, nearer, i)
                 group.begin[lane], group.length[lane], group.key[lane] = begin, end - begin, beams[i]
                 most = max(most, end - begin)
-        fill_abreast(stream, group.key, (RESERVE + most + 3) // 4, group.words, group.draws)
+        fill_twice_abreast(stream, group.key, (RESERVE + most + 7) // 8, group.words, group.draws)
         _fetch(numbers, histories, held, work)
         group.rates[: most * LANES] = 0.0
         for lane in range(held):
@@ -290,10 +310,10 @@ def join_beams(
             row: Any = np.uint64(rows[low + lane])
             count = _merge(numbers, histories, lane, work)
             begin, end = group.begin[lane], group.begin[lane] + group.length[lane]
-            beside = min(begin, histories.end)
-            count = _add_alarms(numbers, alarms, rate[row], key, beams[row], beside, begin, end, work.found, count)
-            echoes.held[row] = 0
-            for j in range(count):
-                at = work.found[j]
-                keep(echoes, row, at[0], int(at[1]), int(at[2]), int(at[3]))
-        group.counts[: numbers.dead * LANES] = 0.0
+            before, draw = min(begin, histories.end), group.draws[2 * LANES + lane]
+            mean = rate[row] * (begin - before + numbers.bins - end)
+            if draw < chance_of_any(mean):
+                key_ = beams[row]
+                count = _add_alarms(numbers, alarms, mean, draw, key, key_, before, begin, end, work.found, count)
+            _report(work.found, count, row, echoes)
+        group.counts[: numbers.dead * LANES] = 0
