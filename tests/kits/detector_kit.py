@@ -4,6 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
+from scipy import stats
 
 from lidarcheck.model import streams
 from lidarcheck.model.detectors import array as detector_array
@@ -65,3 +66,33 @@ def features(echoes: EchoArrays, sensor: Sensor) -> np.ndarray:
     range_m = np.round(0.5 * LIGHT_SPEED_M_PER_NS * time_ns, 2)
     peak = np.minimum(echoes.peak[beam, slot], sensor.peak_saturation)
     return np.stack([beam, range_m, echoes.width[beam, slot] * sensor.bin_ns, echoes.area[beam, slot], peak], axis=1)
+
+
+def same(one: EchoArrays, other: EchoArrays) -> bool:
+    held = np.arange(one.area.shape[1]) < one.held[:, None]
+    return np.array_equal(one.held, other.held) and all(
+        np.array_equal(getattr(one, name)[held], getattr(other, name)[held]) for name in one._fields[1:]
+    )
+
+
+def unlikely(counted: EchoArrays, followed: EchoArrays, sensor: Sensor) -> dict[str, float]:
+    """p-values that two samples of as many beams are of one law: of means, and of the features of all echoes."""
+    one, other = features(counted, sensor), features(followed, sensor)
+    beams = len(counted.held)
+    sums = [np.bincount(found[:, 0].astype(int), found[:, 3], beams) for found in (one, other)]
+    pairs = {
+        "echoes": (counted.held, followed.held),
+        "detection": (counted.held > 0, followed.held > 0),
+        "further echoes": (counted.held > 1, followed.held > 1),
+        "area of all": sums,
+    }
+    p_values = {}
+    for name, (mine, theirs) in pairs.items():
+        error = np.sqrt((np.var(mine) + np.var(theirs)) / beams)
+        p_values[name] = 2 * stats.norm.sf(abs(np.mean(mine) - np.mean(theirs)) / max(error, 1e-9))
+    if min(len(one), len(other)) > 50:
+        for column, name in enumerate(("range", "width", "area", "peak"), start=1):
+            mine, theirs = one[:, column].round(3), other[:, column].round(3)
+            p_values[f"mean of {name}"] = float(stats.ttest_ind(mine, theirs, equal_var=False).pvalue)
+            p_values[name] = float(stats.ks_2samp(mine, theirs).pvalue)
+    return {name: p for name, p in p_values.items() if not np.isnan(p)}

@@ -94,14 +94,18 @@ def _refuse_disturbed(sensor: SpadArray) -> None:
 
 
 def _follower(sensor: SpadArray, numbers: Numbers, light: Light) -> Callable[..., None]:
-    """`simulate_chunk` for SPADs that disturb each other or themselves: counted where afterpulses alone
-    do so, else one by one."""
-    from lidarcheck.model.afterpulses.law import can_count, law_of
-    from lidarcheck.model.afterpulses.simulate import simulate_chunk
+    """`simulate_chunk` for SPADs that disturb each other or themselves: counted where one thing alone does so, else
+    one by one."""
+    from lidarcheck.model.afterpulses import law as afterpulses
+    from lidarcheck.model.afterpulses.simulate import simulate_chunk as with_afterpulses
+    from lidarcheck.model.clusters import law as clusters
+    from lidarcheck.model.clusters.simulate import simulate_chunk as with_clusters
     from lidarcheck.model.detectors import simulate as detectors
     from lidarcheck.model.detectors.array import detectors_of
 
     one_by_one = functools.partial(detectors.simulate_chunk, detectors_of(sensor, numbers))
-    if can_count(sensor, numbers, light):
-        return functools.partial(simulate_chunk, law_of(sensor, numbers), one_by_one, {})
+    if afterpulses.can_count(sensor, numbers, light):
+        return functools.partial(with_afterpulses, afterpulses.law_of(sensor, numbers), one_by_one, {})
+    if clusters.can_count(sensor, numbers, light):
+        return functools.partial(with_clusters, clusters.law_of(sensor, numbers), one_by_one, {})
     return one_by_one

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 import detector_reference as slow
-from detector_kit import dark_flash, features, follow, light, sensor_of
+from detector_kit import dark_flash, features, follow, light, same, sensor_of, unlikely
 from lidarcheck.errors import UsageError
 from lidarcheck.model import detection
 from lidarcheck.model.afterpulses import law
@@ -15,7 +15,7 @@ from lidarcheck.model.detection import chain_echoes
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.scan import Light
-from lidarcheck.sensor import NonIdeal, Sensor
+from lidarcheck.sensor import NonIdeal
 
 TYPICAL, STRONG = (NonIdeal(0.0, 0.0, chance, 5.0, 0.3, 30.0) for chance in (0.03, 0.15))
 FREQUENT = NonIdeal(0.0, 0.0, 0.5, 3.0, 0.4, 20.0)
@@ -28,29 +28,6 @@ CASES = {
     "crowded": (STRONG, {"max_range_m": 60.0, "threshold": 5, "max_echoes": 8}, (1.0,), 2e-3),
 }
 """Afterpulses, overrides of the sensor, S of a pulse, and background."""
-
-
-def unlikely(counted: EchoArrays, followed: EchoArrays, sensor: Sensor) -> dict[str, float]:
-    """p-values that two samples of as many beams are of one law: of means, and of the features of all echoes."""
-    one, other = features(counted, sensor), features(followed, sensor)
-    beams = len(counted.held)
-    sums = [np.bincount(found[:, 0].astype(int), found[:, 3], beams) for found in (one, other)]
-    pairs = {
-        "echoes": (counted.held, followed.held),
-        "detection": (counted.held > 0, followed.held > 0),
-        "further echoes": (counted.held > 1, followed.held > 1),
-        "area of all": sums,
-    }
-    p_values = {}
-    for name, (mine, theirs) in pairs.items():
-        error = np.sqrt((np.var(mine) + np.var(theirs)) / beams)
-        p_values[name] = 2 * stats.norm.sf(abs(np.mean(mine) - np.mean(theirs)) / max(error, 1e-9))
-    if min(len(one), len(other)) > 50:
-        for column, name in enumerate(("range", "width", "area", "peak"), start=1):
-            mine, theirs = one[:, column].round(3), other[:, column].round(3)
-            p_values[f"mean of {name}"] = float(stats.ttest_ind(mine, theirs, equal_var=False).pvalue)
-            p_values[name] = float(stats.ks_2samp(mine, theirs).pvalue)
-    return {name: p for name, p in p_values.items() if not np.isnan(p)}
 
 
 @pytest.mark.parametrize("variant", ["SMART", "SLIM"])
@@ -115,13 +92,6 @@ def test_afterpulses_without_delay_come_at_the_end_of_the_dead_time() -> None:
     for k in range(1, 3):
         expected = sensor.detectors * 0.5**k
         assert echoes.peak[:, k].mean() == pytest.approx(expected, abs=4.5 * np.sqrt(expected / n))
-
-
-def same(one: EchoArrays, other: EchoArrays) -> bool:
-    held = np.arange(one.area.shape[1]) < one.held[:, None]
-    return np.array_equal(one.held, other.held) and all(
-        np.array_equal(getattr(one, name)[held], getattr(other, name)[held]) for name in one._fields[1:]
-    )
 
 
 def test_the_same_echoes_for_any_threads_chunks_order_and_company(monkeypatch: pytest.MonkeyPatch) -> None:

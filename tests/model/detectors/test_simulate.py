@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 import detector_reference as slow
-from detector_kit import NOWHERE_M, dark_flash, features, follow, light, sensor_of
+from detector_kit import NOWHERE_M, dark_flash, features, follow, light, same, sensor_of
 from lidarcheck.errors import UsageError
 from lidarcheck.model import echoes_of
 from lidarcheck.model.detectors import array as array
@@ -265,13 +265,6 @@ def test_afterpulses_are_in_the_steady_state_from_the_first_bin() -> None:
         expected = n * sensor.bins * sensor.detectors * dark / (1.0 - share)
         spread = np.sqrt(expected * (1.0 + share) / (1.0 - share) ** 2)
         assert abs(early.sum() - expected) < 4 * spread, (share, early.sum(), expected)
-
-
-def same(one: EchoArrays, other: EchoArrays) -> bool:
-    held = np.arange(one.area.shape[1]) < one.held[:, None]
-    return np.array_equal(one.held, other.held) and all(
-        np.array_equal(getattr(one, name)[held], getattr(other, name)[held]) for name in one._fields[1:]
-    )
 
 
 def test_the_same_echoes_for_any_threads_chunks_and_order() -> None:

@@ -12,8 +12,9 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.jit import inlined, kernel
-from lidarcheck.model.afterpulses.law import BEGIN, END, Law, Level, Trails, due, gap, record, secondary, waiting_time
+from lidarcheck.model.afterpulses.law import BEGIN, END, Law, Level, Trails, due, gap, record
 from lidarcheck.model.exact.numbers import Numbers
+from lidarcheck.model.lane_draws import secondary, waiting_time
 from lidarcheck.model.lane_math import LANES, fired, log
 from lidarcheck.model.streams import Stream
 

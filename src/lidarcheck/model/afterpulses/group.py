@@ -16,20 +16,7 @@ import numpy.typing as npt
 
 from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.afterpulses.follow import follow_before, follow_behind, leave
-from lidarcheck.model.afterpulses.law import (
-    AT,
-    BATCH,
-    BEGIN,
-    BLOCK,
-    END,
-    KEY,
-    POINTS,
-    After,
-    Law,
-    Level,
-    gap,
-    secondary,
-)
+from lidarcheck.model.afterpulses.law import BEGIN, END, POINTS, After, Law, Level, gap
 from lidarcheck.model.afterpulses.outside import is_quiet, look_around
 from lidarcheck.model.exact.abreast import ARMED, COUNT, RESERVE, draw_counts, find_abreast, last_on
 from lidarcheck.model.exact.binomial import binomial
@@ -37,6 +24,7 @@ from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_pulses
 from lidarcheck.model.exact.single import place_dead
+from lidarcheck.model.lane_draws import begin_draws, secondary
 from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.streams import Stream, fill_twice, fill_twice_abreast, rewind, skip
 
@@ -110,8 +98,8 @@ def _enter(numbers: Numbers, law: Law, level: Level, stream: Stream, held: int, 
     state = trails.state
     for lane in range(held):
         state[BEGIN + lane], state[END + lane] = group.begin[lane], group.begin[lane] + group.length[lane]
-        state[POINTS + lane], state[AT + lane], state[BLOCK + lane] = 0, BATCH, 0
-        state[KEY + lane] = np.int64(group.key[lane])
+        state[POINTS + lane] = 0
+        begin_draws(trails, lane, group.key[lane])
         dirty = level.dirty * (group.begin[lane] + law.warm_up)
         gone = binomial(secondary(stream, trails, lane), numbers.detectors, dirty, chain.inverse)
         after.pool[lane] = numbers.detectors - gone

@@ -8,26 +8,23 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck import elementary
-from lidarcheck.arrays import FloatArray, IndexArray, ShortArray, WordArray
-from lidarcheck.jit import inlined, kernel
+from lidarcheck.arrays import FloatArray, IndexArray, ShortArray
+from lidarcheck.jit import inlined
 from lidarcheck.model.detectors.array import detectors_of
 from lidarcheck.model.exact.abreast import MOST_BINS, MOST_DETECTORS
 from lidarcheck.model.exact.background import SMALL
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, pulse_window
 from lidarcheck.model.exact.single import Scratch, new_scratch
-from lidarcheck.model.lane_math import LANES, fired, log, log1p, log_rest
-from lidarcheck.model.streams import Stream, philox, unit
+from lidarcheck.model.lane_draws import BATCH, ROWS, secondary, waiting_time
+from lidarcheck.model.lane_math import LANES, fired, log1p, log_rest
+from lidarcheck.model.streams import Stream
 from lidarcheck.scan import Light
 from lidarcheck.sensor import SpadArray
 
 __all__ = [
-    "AT",
-    "BATCH",
     "BEGIN",
-    "BLOCK",
     "END",
-    "KEY",
     "POINTS",
     "After",
     "Law",
@@ -41,18 +38,11 @@ __all__ = [
     "level_of",
     "new_after",
     "record",
-    "secondary",
-    "waiting_time",
     "window_of",
 ]
 
-BEGIN, END, POINTS, AT, BLOCK, KEY = (k * LANES for k in range(6))
-"""Rows of `Trails.state`."""
-_BRANCH = np.uint64(1)
-BATCH = 16
-"""Draws of a beam that are made at a time."""
-_WAITS = np.uint64(BATCH * LANES)
-_ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
+BEGIN, END, POINTS = ((ROWS + k) * LANES for k in range(3))
+"""Rows of `Trails.state`, behind those of its draws."""
 _ROOM = 1 << 17
 """Most avalanches of a beam outside its window, so that memory stays bounded."""
 _MANY = 5.0
@@ -90,9 +80,8 @@ class Trails(NamedTuple):
     Flat, a row of `LANES` for each bin: `rates`, `counts` of the group (see `Abreast`); `back`, detectors of the pool
     that are armed again in each bin of the window and of a dead time behind it. `outside`, `room` numbers a lane: the
     bins before and behind the window in which followed detectors avalanche, in any order. `pending`: afterpulses to
-    come of the detector that is followed. `draws`: `BATCH` a lane, and behind all of them the exponential numbers that
-    they make. `state`, a row of `LANES` each: the window's begin and end, how many stand in `outside`, and where the
-    second stream stands: the next draw, the next block, and the beam's key.
+    come of the detector that is followed. `draws`, `state`: see `lane_draws`; `state` has the window's begin and end,
+    too, and how many stand in `outside`.
     """
 
     rates: FloatArray
@@ -153,7 +142,7 @@ def new_after(numbers: Numbers, law: Law) -> After:
         np.zeros(room * LANES, dtype=np.int32),
         np.zeros((law.warm_up + numbers.bins) // numbers.dead + 3, dtype=np.int64),
         np.zeros(2 * BATCH * LANES),
-        np.zeros(6 * LANES, dtype=np.int64),
+        np.zeros((ROWS + 3) * LANES, dtype=np.int64),
     )
     held, special = np.zeros((2, 2 * len(chain.blocks.held)), dtype=np.int64)
     return After(chain, trails, pool, later, np.zeros(LANES), held, special)
@@ -188,45 +177,6 @@ def window_of(numbers: Numbers, law: Law, pulses: Pulses, beam: Any) -> Any:
     if numbers.detectors * min(signal, 1.0) * law.chance > _MANY:
         end = min(end + numbers.dead + int(min(2.0 * law.delay, 2.0 * numbers.dead)), numbers.bins)
     return begin, end
-
-
-@kernel
-def _refill(key: WordArray, frame: Any, beam: int, block: int, lane: int, draws: FloatArray) -> None:
-    """The next draws, and their logarithms all at once: several of them cost little more than one."""
-    at = np.uint64(lane * BATCH)
-    for k in range(np.uint64(BATCH // 4)):
-        first, second, third, fourth = philox(key[0], key[1], np.uint64(block) + k, np.uint64(beam), frame, _BRANCH)
-        row = at + k * _FOUR
-        draws[row], draws[row + _ONE] = unit(first), unit(second)
-        draws[row + _TWO], draws[row + _THREE] = unit(third), unit(fourth)
-    for k in range(np.uint64(BATCH)):
-        draws[at + k + _WAITS] = -log(1.0 - draws[at + k])
-
-
-@inlined
-def _taken(stream: Stream, trails: Trails, lane: int) -> int:
-    """Where a lane's next draw stands."""
-    state = trails.state
-    at = state[AT + lane]
-    if at == BATCH:
-        block = state[BLOCK + lane]
-        _refill(stream.key, stream.counter[2], state[KEY + lane], block, lane, trails.draws)
-        state[BLOCK + lane] = block + BATCH // 4
-        at = 0
-    state[AT + lane] = at + 1
-    return BATCH * int(lane) + int(at)
-
-
-@inlined
-def secondary(stream: Stream, trails: Trails, lane: int) -> float:
-    """The next draw of a lane's beam for what follows from avalanches."""
-    return float(trails.draws[_taken(stream, trails, lane)])
-
-
-@inlined
-def waiting_time(stream: Stream, trails: Trails, lane: int) -> float:
-    """The next draw as an exponential number of mean 1."""
-    return float(trails.draws[np.uint64(_taken(stream, trails, lane)) + _WAITS])
 
 
 @inlined

@@ -1,10 +1,12 @@
-"""How fast afterpulses are simulated: counted, each detector followed, and without them, side by side in one process.
+"""How fast SPADs that disturb each other or themselves are simulated: counted, each of them followed, and undisturbed,
+side by side in one process.
 
-Not part of ci/test. Run from the repository's root: .venv/bin/python ci/afterpulses_speed.py
+Not part of ci/test. Run from the repository's root: .venv/bin/python ci/detectors_speed.py [crosstalk | afterpulsing]
 """
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,7 +24,12 @@ from lidarcheck.scan import Light
 from lidarcheck.sensor import NonIdeal, Sensor, SpadArray
 
 BEAMS = 8192
-CHANCES = (0.03, 0.15)
+STRENGTHS = (1, 5)
+"""Times typical."""
+KINDS = {
+    "crosstalk": lambda times: NonIdeal(0.035 * times, 0.017 * times),
+    "afterpulsing": lambda times: NonIdeal(0.0, 0.0, 0.03 * times, 5.0, 0.3, 30.0),
+}
 SIGNALS = (0.02, 0.5, 20.0)
 
 
@@ -60,21 +67,22 @@ def best_us(run: Callable[[], object], times: int = 3) -> float:
 
 
 def main() -> None:
-    """Print a row of the table for each variant, strength and brightness."""
-    print("| variant | probability | S | followed | counted | ratio | without |\n|---|---|---|---|---|---|---|")
-    for variant in ("SMART", "SLIM"):
-        plain = SpadArray.narrow(Sensor.of(variant))
-        for chance in CHANCES:
-            sensor = replace(plain, nonideal=NonIdeal(0.0, 0.0, chance, 5.0, 0.3, 30.0))
-            for signal in SIGNALS:
-                light = light_of(signal)
-                old = best_us(lambda light=light, sensor=sensor: followed(light, sensor))  # type: ignore[misc]
-                new, bare = (
-                    best_us(lambda light=light, one=one: chain_echoes(light, one, threads=1))  # type: ignore[misc]
-                    for one in (sensor, plain)
-                )
-                row = f"{old:.2f} | {new:.2f} | {old / new:.1f} | {bare:.2f}"
-                print(f"| {variant} | {chance} | {signal} | {row} |")
+    """Print a row of the table for each effect, variant, strength and brightness."""
+    print("| effect | variant | strength | S | followed | counted | ratio | without |", "|---" * 8 + "|", sep="\n")
+    for kind in sys.argv[1:] or KINDS:
+        for variant in ("SMART", "SLIM"):
+            plain = SpadArray.narrow(Sensor.of(variant))
+            for times in STRENGTHS:
+                sensor = replace(plain, nonideal=KINDS[kind](times))
+                for signal in SIGNALS:
+                    print(f"| {kind} | {variant} | {times} | {signal} | {row(light_of(signal), sensor, plain)} |")
+
+
+def row(light: Light, sensor: SpadArray, plain: SpadArray) -> str:
+    """What a beam takes each way [us]."""
+    old = best_us(lambda: followed(light, sensor))
+    new = best_us(lambda: chain_echoes(light, sensor, threads=1))
+    return f"{old:.2f} | {new:.2f} | {old / new:.1f} | {best_us(lambda: chain_echoes(light, plain, threads=1)):.2f}"
 
 
 if __name__ == "__main__":

@@ -1,0 +1,1 @@
+"""Avalanches that set off their neighbours, on the exact chain: counts, and places of the few that it concerns."""
