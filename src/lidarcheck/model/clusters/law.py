@@ -13,7 +13,6 @@ from lidarcheck.jit import inlined
 from lidarcheck.model.clusters.sizes import most_rate, sizes_of
 from lidarcheck.model.detectors.array import detectors_of
 from lidarcheck.model.exact.abreast import MOST_BINS, MOST_DETECTORS
-from lidarcheck.model.exact.blocks import new_blocks
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.single import Scratch, new_scratch
 from lidarcheck.model.lane_draws import BATCH, ROWS
@@ -122,9 +121,9 @@ def law_of(sensor: SpadArray, numbers: Numbers) -> Law:
     real = detectors_of(sensor, numbers)
     chance, quiet = real.chance[:8], real.quiet[:9]
     per_log = -1.0 / float(elementary.log1p(quiet[0] - 1.0)) if quiet[0] > 0.0 else 0.0
-    sizes = sizes_of(float(chance[0]), float(chance[4]))
-    most = most_rate(numbers, new_blocks(numbers), sizes)
-    return Law(chance, quiet, real.neighbour, per_log, sizes, most)
+    sides, corners = float(chance[0]), float(chance[4])
+    most = most_rate(numbers, sides, corners)
+    return Law(chance, quiet, real.neighbour, per_log, sizes_of(sides, corners), most)
 
 
 def new_space(numbers: Numbers, law: Law) -> Space:

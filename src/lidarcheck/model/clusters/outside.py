@@ -142,6 +142,48 @@ def _extend(
     return next_low, next_high
 
 
+@inlined
+def _gather_back(
+    numbers: Numbers,
+    law: Law,
+    stream: Stream,
+    space: Space,
+    lane: int,
+    block: int,
+    latest: int,
+    done: int,
+    nearest: int,
+    step: int,
+    origin: Any,
+) -> Any:
+    """Take blocks apart into strikes, from the `latest` back to block `done` or to where all detectors are armed.
+
+    `block` and the one before are wanted as a whole. How many strikes there are, and whether all are armed before.
+    """
+    blocks, places = space.chain.blocks, space.places
+    held, length = blocks.held, blocks.length
+    gathered, first = 0, origin + max(block - 1, 0) * length
+    j, free = latest, False
+    while j >= done and not free:
+        index, start = nearest + step * j, gathered
+        if held[index] < 0:
+            held[index] = count_small(blocks, secondary(stream, places, lane))
+        gathered = gather(numbers, law, stream, space, lane, held[index], origin + j * length, gathered)
+        if j < block - 1:
+            # Where no strike falls within a dead time, all detectors are armed.
+            while start < gathered and not free:
+                bin_ = bin_of(numbers, places.strikes[start])
+                free = bin_ <= first - numbers.dead
+                if not free:
+                    first = bin_
+                    start += 1
+            gathered = start
+            free = free or first - (origin + j * length) >= numbers.dead - 1
+        free = free or gathered > len(places.strikes) - 2 * len(blocks.above)
+        j -= 1
+    return gathered, free
+
+
 @kernel
 def _along(
     numbers: Numbers,
@@ -174,26 +216,9 @@ def _along(
     for k in range(number + (0 if step > 0 else 1)):
         now: Any = np.int64(held[nearest + step * k] if k < number else 0)
         if now >= 0 and earlier >= 0 and earlier + now > numbers.threshold and (step > 0 or k > 0):
-            gathered, first = 0, origin + max(k - 1, 0) * length
-            j, free = min(k, number - 1), False
-            while j >= done and not free:
-                index = nearest + step * j
-                if held[index] < 0:
-                    held[index] = count_small(blocks, secondary(stream, places, lane))
-                start = gathered
-                gathered = gather(numbers, law, stream, space, lane, held[index], origin + j * length, gathered)
-                if j < k - 1:
-                    # Where no strike falls within a dead time, all detectors are armed.
-                    while start < gathered and not free:
-                        bin_ = bin_of(numbers, places.strikes[start])
-                        free = bin_ <= first - numbers.dead
-                        if not free:
-                            first = bin_
-                            start += 1
-                    gathered = start
-                    free = free or first - (origin + j * length) >= numbers.dead - 1
-                free = free or gathered > len(places.strikes) - 2 * len(blocks.above)
-                j -= 1
+            gathered, free = _gather_back(
+                numbers, law, stream, space, lane, k, min(k, number - 1), done, nearest, step, origin
+            )
             if not free and done == 0 and not begun:
                 _begin(numbers, law, level, stream, space, lane, slot, origin)
                 begun = True

@@ -9,11 +9,13 @@ background as in `exact/background.py`, in clusters: a compound Poisson law, by 
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.jit import kernel
-from lidarcheck.model.exact.blocks import Blocks
+from lidarcheck.model.exact.blocks import Blocks, new_blocks
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.lane_math import exp, log, log_rest
 
@@ -31,6 +33,7 @@ _CROWDED_SHARE = 3.0
 """Expected crowded neighbours of a beam above which following each detector is the faster way."""
 
 
+@functools.lru_cache(maxsize=16)
 def sizes_of(sides: float, corners: float) -> FloatArray:
     """Probability of each size of a cluster, shape (_MOST + 1,); `sides`, `corners`: chance of each neighbour."""
     sizes = np.zeros(_MOST + 1)
@@ -88,8 +91,10 @@ def tabulate(numbers: Numbers, blocks: Blocks, sizes: FloatArray, per_bin: float
     blocks.crowded[0] = len(blocks.held) * crowded > _CROWDED_SHARE or seen < 1.0 - _UNSEEN
 
 
-def most_rate(numbers: Numbers, blocks: Blocks, sizes: FloatArray) -> float:
+@functools.lru_cache(maxsize=16)
+def most_rate(numbers: Numbers, sides: float, corners: float) -> float:
     """The highest background that is counted, avalanches per armed SPAD and bin; below 0 for too large clusters."""
+    sizes, blocks = sizes_of(sides, corners), new_blocks(numbers)
     totals = np.zeros(len(sizes))
     low, high = 0.0, 1.0 / numbers.detectors
     tabulate(numbers, blocks, sizes, high * 1e-6, totals)
