@@ -36,7 +36,8 @@ from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_pulses
 from lidarcheck.model.lane_draws import begin_draws
 from lidarcheck.model.lane_math import LANES, log
-from lidarcheck.model.streams import Stream, fill, fill_abreast, rewind, skip
+from lidarcheck.model.rows import add_row, fire_row
+from lidarcheck.model.streams import Stream, fill_twice, fill_twice_abreast, rewind
 
 __all__ = ["simulate_group"]
 
@@ -73,7 +74,7 @@ def simulate_group(
             i: Any = np.uint64(group.beam[lane])
             add_pulses(pulses, i, begin, end, group.rates, lane, LANES)
         else:
-            group.state[ARMED + np.uint64(lane)] = 0.0
+            group.state[ARMED + np.uint64(lane)] = 0
             space.places.left[lane] = 0.0
         for k in range(group.length[lane] if lane < held else 0, bins):
             group.rates[k * LANES + lane] = 0.0
@@ -87,9 +88,9 @@ def simulate_group(
         touched += space.places.state[SPLIT + lane] + space.places.state[NEAR + lane]
         look_outside(numbers, law, level, stream, space, lane, echoes)
         _forget(numbers, lane, space)
-    group.counts[: (numbers.dead + bins) * LANES] = 0.0
+    group.counts[: (numbers.dead + bins) * LANES] = 0
     if touched > 0:
-        space.places.own[: (numbers.dead + bins) * LANES] = 0.0
+        space.places.own[: (numbers.dead + bins) * LANES] = 0
 
 
 @inlined
@@ -97,11 +98,11 @@ def _draw(stream: Stream, bins: int, held: int, space: Space) -> None:
     """The draws of the first stream for all lanes, as the exact chain has them."""
     group, draws = space.chain.group, space.chain.draws
     if held >= _FEW:
-        fill_abreast(stream, group.key, (RESERVE + bins + 3) // 4, group.words, group.draws)
+        fill_twice_abreast(stream, group.key, (RESERVE + bins + 7) // 8, group.words, group.draws)
     else:
         for lane in range(held):
             rewind(stream, group.key[lane])
-            fill(stream, draws, RESERVE + bins)
+            fill_twice(stream, draws, RESERVE + bins)
             for k in range(RESERVE + bins):
                 group.draws[k * LANES + lane] = draws[k]
 
@@ -113,9 +114,7 @@ def _enter(numbers: Numbers, law: Law, level: Level, stream: Stream, lane: int, 
     state = places.state
     begin_draws(places, lane, group.key[lane])
     places.left[lane] = gap(law, -log(1.0 - group.draws[LANES + lane]))
-    rewind(stream, group.key[lane])
-    skip(stream, RESERVE + group.length[lane])
-    group.block[lane] = stream.counter[0]
+    group.block[lane] = np.uint64((RESERVE + group.length[lane] + 7) // 8)
     state[FIRST + lane] = state[NEAR + lane] = 0
     armed = numbers.detectors
     if group.draws[lane] < level.some:
@@ -129,8 +128,8 @@ def _enter(numbers: Numbers, law: Law, level: Level, stream: Stream, lane: int, 
         for n in range(fired):
             at = numbers.dead + places.near[lane * ROOM + n]
             if at > 0:
-                group.counts[at * LANES + lane] += 1.0
-                places.own[at * LANES + lane] += 1.0
+                group.counts[at * LANES + lane] += 1
+                places.own[at * LANES + lane] += 1
     group.state[ARMED + np.uint64(lane)] = armed
     state[SPLIT + lane], state[ARMED_ALL + lane], state[ARMED_KNOWN + lane] = 0, armed, 0
 
@@ -152,15 +151,12 @@ def _run(numbers: Numbers, law: Law, stream: Stream, bins: int, held: int, space
     window = np.uint64(numbers.dead) * _LANES
     for k in range(np.uint64(bins)):
         bin_ = k * _LANES
-        for lane in range(_LANES):
-            state[ARMED + lane] += counts[bin_ + lane]
+        add_row(state, ARMED, counts, bin_)
         if draw_counts(group, bin_, _FIRST_DRAW + bin_, space.chain.inverse, numbers.detectors):
+            fire_row(state, ARMED, state, COUNT, counts, window + bin_)
             trying = 0
             for lane in range(_LANES):
-                fired = state[COUNT + lane]
-                counts[window + bin_ + lane] = fired
-                state[ARMED + lane] -= fired
-                left[lane] -= fired
+                left[lane] -= state[COUNT + lane]
                 trying += 1 if left[lane] < 0.0 else 0
             if trying > 0:
                 set_off(numbers, law, stream, space.places, state, np.int64(0), held, np.int64(k))
@@ -174,9 +170,9 @@ def _run_few(numbers: Numbers, law: Law, stream: Stream, bins: int, held: int, s
     for lane in range(held):
         for k in range(bins):
             at = k * LANES + lane
-            armed = state[ARMED + np.uint64(lane)] + counts[at]
+            armed: Any = np.int64(state[ARMED + np.uint64(lane)] + counts[at])
             draw = group.draws[RESERVE * LANES + at]
-            fired = float(binomial(draw, int(armed), group.rates[at], space.chain.inverse))
+            fired = binomial(draw, armed, group.rates[at], space.chain.inverse)
             counts[numbers.dead * LANES + at] = fired
             state[ARMED + np.uint64(lane)] = armed - fired
             left[lane] -= fired

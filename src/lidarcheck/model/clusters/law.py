@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck import elementary
-from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.arrays import FloatArray, IndexArray, ShortArray
 from lidarcheck.jit import inlined
 from lidarcheck.model.clusters.sizes import most_rate, sizes_of
 from lidarcheck.model.detectors.array import detectors_of
@@ -83,8 +83,8 @@ class Places(NamedTuple):
     any is armed again), the bin before which all are armed, and how many stand in `near`.
     """
 
-    counts: FloatArray
-    own: FloatArray
+    counts: ShortArray
+    own: ShortArray
     armed_from: npt.NDArray[np.int32]
     known: npt.NDArray[np.int32]
     near: npt.NDArray[np.int32]

@@ -43,16 +43,16 @@ def look_outside(
     """Find a lane's echoes that reach beyond its window."""
     group, blocks, state = space.chain.group, space.chain.blocks, space.places.state
     end, first = group.begin[lane] + group.length[lane], group.begin[lane] + state[FIRST + lane]
-    on = 0.0
+    on: Any = np.int64(0)
     for age in range(numbers.on):
         on += group.counts[(numbers.dead + group.length[lane] - 1 - age) * LANES + lane]
     before, behind = group.draws[(RESERVE - 2) * LANES + lane], group.draws[(RESERVE - 1) * LANES + lane]
     quiet = state[NEAR + lane] <= numbers.threshold
-    if not (quiet and bg.is_plainly_quiet(numbers, blocks, before, behind, first, end, 0, int(on))):
+    if not (quiet and bg.is_plainly_quiet(numbers, blocks, before, behind, first, end, 0, on)):
         _rewind(stream, space, lane)
         draws = space.chain.draws
-        if not (quiet and bg.looks_quiet(numbers, blocks, stream, draws, before, behind, first, end, 0, int(on))):
-            _look_around(numbers, law, level, stream, space, lane, first, end, int(on), echoes)
+        if not (quiet and bg.looks_quiet(numbers, blocks, stream, draws, before, behind, first, end, 0, on)):
+            _look_around(numbers, law, level, stream, space, lane, first, end, on, echoes)
 
 
 @kernel
@@ -102,7 +102,7 @@ def _look_around(
         if places.near[lane * ROOM + n] + begin >= -pad:
             counts[pad + begin + places.near[lane * ROOM + n]] += 1
     for k in range(length):
-        counts[pad + begin + k] = int(group.counts[(numbers.dead + k) * LANES + lane])
+        counts[pad + begin + k] = group.counts[(numbers.dead + k) * LANES + lane]
     window = first - begin if state[NEAR + lane] > numbers.threshold else np.int64(0)
     low, high = _extend(numbers, counts, begin, low, high, window, length, i, echoes)
     low, high = _along(
@@ -243,6 +243,6 @@ def _begin(
         catch_up(numbers, stream, places, lane, origin)
     for age in range(1, numbers.dead):
         at = (numbers.dead + origin - age) * LANES + lane
-        for _ in range(int(places.counts[at] - places.own[at])):
+        for _ in range(places.counts[at] - places.own[at]):
             place = unknown_place(numbers, stream, places, lane)
             learn(numbers, places, lane, place, origin - age + numbers.dead)

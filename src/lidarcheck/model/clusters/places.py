@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from lidarcheck.arrays import FloatArray
+from lidarcheck.arrays import ShortArray
 from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.clusters.law import ARMED_ALL, ARMED_KNOWN, KNOWN, SPLIT, UNKNOWN, Law, Places
 from lidarcheck.model.exact.abreast import ARMED
@@ -112,7 +112,7 @@ def _split(
                     break
                 passed -= 1
         places.armed_from[base + place] = bin_ + numbers.dead
-        places.own[(numbers.dead + bin_) * LANES + lane] += 1.0
+        places.own[(numbers.dead + bin_) * LANES + lane] += 1
         places.fired[listed] = place
         listed += 1
     return listed
@@ -128,12 +128,12 @@ def catch_up(numbers: Numbers, stream: Stream, places: Places, lane: int, bin_: 
     state, counts, own = places.state, places.counts, places.own
     armed, mine, listed = state[ARMED_ALL + lane], state[ARMED_KNOWN + lane], 0
     for k in range(state[SPLIT + lane], bin_ + 1):
-        armed += int(counts[k * LANES + lane])
-        mine += int(own[k * LANES + lane])
+        armed += counts[k * LANES + lane]
+        mine += own[k * LANES + lane]
         if mine > 0 and armed - mine == numbers.detectors - state[KNOWN + lane]:
             forget_armed(numbers, places, lane, k)
             mine = 0
-        fired = int(counts[(numbers.dead + k) * LANES + lane])
+        fired: Any = np.int64(counts[(numbers.dead + k) * LANES + lane])
         listed = 0
         if mine > 0 and fired > 0:
             listed = _split(numbers, stream, places, lane, k, armed, mine, fired)
@@ -181,7 +181,7 @@ def _try_all(
             elif ball < others_armed + others_fired:
                 others_fired -= 1
                 learn(numbers, places, lane, other, bin_ + numbers.dead)
-                own[row] += 1.0
+                own[row] += 1
                 places.fired[listed] = other
                 listed += 1
             else:
@@ -194,13 +194,13 @@ def _try_all(
                         break
                     age += 1
                 learn(numbers, places, lane, other, bin_ - age + numbers.dead)
-                own[row - age * LANES] += 1.0
+                own[row - age * LANES] += 1
         elif armed_from <= bin_:
             fires = True
             state[ARMED_KNOWN + lane] -= 1
         if fires:
             places.armed_from[base + other] = bin_ + numbers.dead
-            own[row] += 1.0
+            own[row] += 1
             places.joined[joined] = other
             joined += 1
     return others_armed, others_fired, listed, joined
@@ -208,7 +208,7 @@ def _try_all(
 
 @kernel
 def set_off(
-    numbers: Numbers, law: Law, stream: Stream, places: Places, armed: FloatArray, first: Any, last: int, bin_: Any
+    numbers: Numbers, law: Law, stream: Stream, places: Places, armed: ShortArray, first: Any, last: int, bin_: Any
 ) -> None:
     """Set off what the avalanches of a bin of the windows try to, in those of the lanes `first` ... `last - 1` in
     which `left` is below 0; `armed`: the group's `state`."""
@@ -219,17 +219,17 @@ def set_off(
 
 @inlined
 def _set_off(
-    numbers: Numbers, law: Law, stream: Stream, places: Places, armed: FloatArray, lane: int, bin_: int
+    numbers: Numbers, law: Law, stream: Stream, places: Places, armed: ShortArray, lane: int, bin_: int
 ) -> None:
     state, left = places.state, places.left
     row = (numbers.dead + bin_) * LANES + lane
-    fired = int(places.counts[row])
+    fired: Any = np.int64(places.counts[row])
     listed = 0
     if state[KNOWN + lane] > 0:
         listed = catch_up(numbers, stream, places, lane, bin_)
     else:
         state[ARMED_KNOWN + lane] = 0
-        state[ARMED_ALL + lane] = int(armed[ARMED + np.uint64(lane)]) + fired
+        state[ARMED_ALL + lane] = armed[ARMED + np.uint64(lane)] + fired
     others_fired = fired - listed
     others_armed = state[ARMED_ALL + lane] - state[ARMED_KNOWN + lane] - fired
     joined = 0
@@ -243,7 +243,7 @@ def _set_off(
             place = np.int64(unknown_place(numbers, stream, places, lane))
             others_fired -= 1
             learn(numbers, places, lane, place, bin_ + numbers.dead)
-            places.own[row] += 1.0
+            places.own[row] += 1
         others_armed, others_fired, listed, joined = _try_all(
             numbers, law, stream, places, lane, bin_, place, others_armed, others_fired, listed, joined
         )
