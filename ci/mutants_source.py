@@ -210,8 +210,10 @@ class Runs:
             return any(file in run["lines"] for file in files)
 
         touching = [pair for pair, run in self.known.items() if runs(run)]
-        exact = [pair for pair in touching if pair[1] == "exact"]
-        return sorted(exact or touching, key=lambda pair: float(self.known[pair]["seconds"]))
+        # Who runs the exact path only imports the fast one's files.
+        wanted = "fast" if mutant.file.startswith("model/fast/") else "exact"
+        own = [pair for pair in touching if pair[1] == wanted]
+        return sorted(own or touching, key=lambda pair: float(self.known[pair]["seconds"]))
 
     def lines(self) -> dict[str, set[int]]:
         """The lines of each file that some scenario runs."""
