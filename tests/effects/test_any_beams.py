@@ -428,7 +428,9 @@ def test_a_turned_view_takes_the_reflectance_along() -> None:
     assert np.mean(turned.extra[REFLECTANCE] == expected) > 0.98
 
 
-@pytest.mark.parametrize("beams", [head().beams, rosette()], ids=["head", "rosette"])
+@pytest.mark.parametrize(
+    "beams", [head().beams, rosette(), rosette(of_scan=True)], ids=["head", "rosette", "a scan's own"]
+)
 def test_an_object_that_moves_is_met_where_it_is_and_uncovers_what_lies_beside_it(beams: Beams) -> None:
     """A board 8 m ahead of a wall at 20 m that moves to the left by 1 m."""
     layer, point = beams.every()

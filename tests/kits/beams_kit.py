@@ -76,18 +76,21 @@ def _sensor(more: dict[str, Any], detector: str, numbers: dict[str, Any], beams:
     return sensor_of({**document, "features": features, **more, detector: given})
 
 
-def rosette(beams: int = 4000) -> TableBeams:
-    """Directions along a rosette in a cone of 35 deg, fired one after the other in 0.1 s."""
+def rosette(beams: int = 4000, *, of_scan: bool = False) -> TableBeams:
+    """Directions along a rosette in a cone of 35 deg, fired one after the other in 0.1 s.
+
+    `of_scan`: those that a scan brings, whose numbers say nothing: a line for each.
+    """
     turn = np.linspace(0.0, 60.0 * np.pi, beams)
     off_deg = 17.5 * np.abs(np.sin(3.07 * turn))
     columns = {
-        "Layer": np.zeros(beams, dtype=int),
-        "Point": np.arange(beams),
+        "Layer": np.arange(beams) if of_scan else np.zeros(beams, dtype=int),
+        "Point": np.zeros(beams, dtype=int) if of_scan else np.arange(beams),
         "elevation_deg": off_deg * np.sin(1.37 * turn),
         "azimuth_deg": off_deg * np.cos(1.37 * turn),
         "time_s": np.linspace(0.0, 0.1, beams),
     }
-    return TableBeams.of_columns(Sweep(order="table"), columns)
+    return TableBeams.of_columns(Sweep(order="table"), columns, from_scan=of_scan)
 
 
 WALLS = (

@@ -51,11 +51,6 @@ class BeamRows(NamedTuple):
         """What a column of the ideal scan, (n,), says of each row, shape (n_rows,)."""
         return column if self.row is None else column[self.row]
 
-    @property
-    def beam(self) -> IndexArray:
-        """The beam of each row, shape (n_rows,)."""
-        return np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
-
     def total(self, values: FloatArray) -> FloatArray:
         """The sum of `values` (n_rows,) over the rows of each beam, shape (n_beams,), to a billionth.
 

@@ -188,6 +188,8 @@ def hidden_behind(ideal: IdealScan, grid: BeamGrid | BeamTree, moving: Set[int])
     layers = ideal.beams.layers
     nearest_m = np.full(layers, np.inf)
     np.minimum.at(nearest_m, ideal.layer[mine], ideal.distance_m[mine])
+    if not ideal.beams.lattice:
+        nearest_m[:] = nearest_m.min()
     in_front = (ideal.distance_m > 0.0) & (ideal.distance_m < nearest_m[np.clip(ideal.layer, 0, layers - 1)])
     stays = grid.order[~(moves | in_front)[grid.order]][::-1]
     behind = np.arange(len(ideal))
