@@ -8,7 +8,8 @@ import numpy as np
 from numba import cuda
 
 from lidarcheck.model.exact.blocks import Blocks
-from lidarcheck.model.exact.single import Scratch, simulate_alone
+from lidarcheck.model.exact.long_alone import simulate_one
+from lidarcheck.model.exact.single import Scratch
 from lidarcheck.model.streams import Stream
 
 __all__ = ["simulate_beams"]
@@ -38,4 +39,4 @@ def simulate_beams(
     )  # fmt: skip
     scratch = Scratch(counts[:, t], rates[:, t], draws[:, t], inverse, own, group)
     for k in range(t, len(order), threads):
-        simulate_alone(numbers, Stream(counter, key), beams, level, pulses, np.uint64(order[k]), scratch, echoes)
+        simulate_one(numbers, Stream(counter, key), beams, level, pulses, np.uint64(order[k]), scratch, echoes)

@@ -9,20 +9,19 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.jit import inlined, kernel
-from lidarcheck.model.exact.haze_front import Front, front_of
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulse_form import PHASES, PulseForm
 from lidarcheck.model.lane_math import whole_below
 from lidarcheck.scan import Haze, Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray
 
-__all__ = ["HazeRates", "add_haze", "add_ramp", "haze_end", "haze_rates_of"]
+__all__ = ["HazeRates", "add_haze", "add_ramp", "haze_end", "haze_rates_of", "uncut_until", "weight_of"]
 
 _ROOM = 1 << 21
 """Numbers that the table of cut profiles may hold; of finer profiles, it holds every second edge, or every third."""
@@ -36,7 +35,7 @@ class HazeRates(NamedTuple):
     SPAD in each bin of the uncut profile. `ceiling` (bins + 1,): the most of `whole` from a bin on. `step` [bins]:
     length of a cell; `density` (m,): S per bin of range in a cell. `cut[j]`: what `whole` would be if it ended where
     cell j `stride` begins; its columns are the bins from `before + 1` ahead of that edge's on. `ramps`: see
-    `PulseForm`; `before`, `behind`: bins around a pulse that it holds. `front`: counts where it is bright.
+    `PulseForm`; `before`, `behind`: bins around a pulse that it holds.
     """
 
     begin: int
@@ -53,7 +52,6 @@ class HazeRates(NamedTuple):
     ramps: FloatArray
     before: int
     behind: int
-    front: Front
 
 
 def haze_rates_of(light: Light, form: PulseForm, sensor: SpadArray, numbers: Numbers) -> HazeRates:
@@ -76,11 +74,8 @@ def haze_rates_of(light: Light, form: PulseForm, sensor: SpadArray, numbers: Num
     whole, cut, ramps = _profiles(numbers.bins, form, step, density.tobytes(), before, behind, stride)
     begin = min(max(math.floor(lit[0] * step) - before, 0), numbers.bins)
     last = min(math.floor((lit[-1] + 1) * step) + behind + 1, numbers.bins)
-    usual = float(np.partition(factors, len(factors) // 2)[len(factors) // 2])
-    background = float(light.background_per_ns[0]) * sensor.bin_ns
-    front = front_of(numbers, begin, background + usual * whole, len(light))
     ceiling = np.append(np.maximum.accumulate(whole[::-1])[::-1], 0.0)
-    tables = (step, density, cut, stride, ramps, before, behind, front)
+    tables = (step, density, cut, stride, ramps, before, behind)
     return HazeRates(begin, last, first, end / bin_m, share, whole, ceiling, *tables)
 
 
@@ -109,8 +104,7 @@ def _profiles(
 
 def _without_haze(numbers: Numbers) -> HazeRates:
     none, table = np.zeros(0), np.zeros((0, 0))
-    front = front_of(numbers, 0, none, 0)
-    return HazeRates(0, 0, np.zeros(0, dtype=np.int64), none, none, none, none, 1.0, none, table, 1, table, 0, 0, front)
+    return HazeRates(0, 0, np.zeros(0, dtype=np.int64), none, none, none, none, 1.0, none, table, 1, table, 0, 0)
 
 
 def _rows_by_end(haze: Haze) -> tuple[IndexArray, FloatArray, FloatArray]:
@@ -191,6 +185,36 @@ def haze_end(numbers: Numbers, haze: HazeRates, beam: int, faint: float) -> int:
 
 
 @inlined
+def weight_of(haze: HazeRates, beam: Any) -> float:
+    """The factor of a beam's uncut profile, its rows together, as `add_haze` sums them."""
+    weight = 0.0
+    for row in range(haze.first[beam + np.uint64(1)] - 1, haze.first[beam] - 1, -1):
+        weight += haze.share[row]
+    return weight
+
+
+@inlined
+def uncut_until(haze: HazeRates, beam: Any, end: Any) -> Any:
+    """The bin before which a beam's haze is the uncut profile, at most `end`."""
+    for row in range(haze.first[beam], haze.first[beam + np.uint64(1)]):
+        if haze.end[row] < len(haze.density) * haze.step:
+            end = min(end, max(_base(haze, _cell(haze, haze.end[row]) // haze.stride), 0))
+    return end
+
+
+@inlined
+def _cell(haze: HazeRates, at: float) -> Any:
+    """The last cell of a row that ends at `at`."""
+    return min(int(at / haze.step), len(haze.density) - 1)
+
+
+@inlined
+def _base(haze: HazeRates, table_row: Any) -> Any:
+    """The bin from which on a row of `cut` differs from the uncut profile."""
+    return whole_below(table_row * haze.stride * haze.step) - haze.before - 1
+
+
+@inlined
 def _add_scaled(weight: float, whole: FloatArray, low: int, high: int, origin: int, rates: FloatArray) -> None:
     """Add `weight` times `whole` to the bins `low` ... `high - 1`; index 0 of `rates` is bin `origin`."""
     # An unsigned index cannot count from the array's end, which saves the test for it.
@@ -218,10 +242,9 @@ def add_haze(haze: HazeRates, beam: int, begin: int, end: int, rates: FloatArray
 @inlined
 def _add_cut(haze: HazeRates, at: float, share: float, begin: int, end: int, rates: FloatArray) -> int:
     """Add a row's haze from where its end is felt; returns the bin before which it is the uncut profile."""
-    last_cell = min(int(at / haze.step), len(haze.density) - 1)
+    last_cell = _cell(haze, at)
     table_row = last_cell // haze.stride
-    first_cell = table_row * haze.stride
-    base = whole_below(first_cell * haze.step) - haze.before - 1
+    first_cell, base = table_row * haze.stride, _base(haze, table_row)
     for k in range(max(base, begin), min(base + haze.cut.shape[1], end)):
         rates[k - begin] += share * haze.cut[table_row, k - base]
     high = min(whole_below(at) - haze.before + haze.ramps.shape[1], end)

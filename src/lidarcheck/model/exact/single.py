@@ -22,11 +22,9 @@ from lidarcheck.model.exact.binomial import binomial, inverses
 from lidarcheck.model.exact.blocks import Blocks, new_blocks, tabulate
 from lidarcheck.model.exact.crowd import find_locally, is_local
 from lidarcheck.model.exact.echoes import EchoArrays, find_echoes
-from lidarcheck.model.exact.haze_front import Front, look_up
-from lidarcheck.model.exact.haze_rates import haze_end
 from lidarcheck.model.exact.numbers import Numbers
-from lidarcheck.model.exact.pulses import Pulses, add_rates, pulse_window
-from lidarcheck.model.lane_math import fired, log, log1p
+from lidarcheck.model.exact.pulses import Pulses, add_pulses, pulse_window
+from lidarcheck.model.lane_math import fired, log1p
 from lidarcheck.model.streams import Stream, fill, fill_twice, rewind
 
 __all__ = [
@@ -35,23 +33,15 @@ __all__ = [
     "Scratch",
     "chain",
     "enter",
-    "hazy",
     "level_of",
     "look_around",
+    "look_outside",
     "new_scratch",
     "place_dead",
     "simulate_alone",
 ]
 
 _FIRST_DRAW = np.uint64(RESERVE)
-_PIECE = 32
-"""Bins of a piece of a hazy beam."""
-_PIECE_SHIFT = np.uint64(20)
-"""Blocks of draws that a piece has, as a power of two: more than it can use up."""
-_RARE = 0.25
-"""Avalanches of all detectors in a bin below which it is faster to go from candidate to candidate."""
-_BATCH = 12
-"""Draws that candidates fetch at a time, three each: blocks of draws that are made together overlap."""
 
 
 class BackgroundLevel(NamedTuple):
@@ -90,7 +80,7 @@ def new_scratch(numbers: Numbers) -> Scratch:
 def level_of(numbers: Numbers, blocks: Blocks, pulses: Pulses, per_bin: float) -> BackgroundLevel:
     """A background's level, for which it fills the blocks' table."""
     dead_rate = log1p((numbers.dead - 1) * fired(per_bin))
-    faint = max(blocks.calm - per_bin, 0.1 * per_bin) if pulses.haze.last > 0 else 0.0
+    faint = max(blocks.calm - per_bin, 0.0) if pulses.haze.last > 0 else 0.0
     tabulate(blocks, numbers.detectors, numbers.threshold, per_bin + faint)
     return BackgroundLevel(per_bin, dead_rate, faint)
 
@@ -136,94 +126,6 @@ def chain(numbers: Numbers, scratch: Scratch, begin: int, end: int, dead: int) -
 
 
 @kernel
-def _candidates(
-    numbers: Numbers, stream: Stream, scratch: Scratch, begin: int, end: int, most: float, origin: int
-) -> None:
-    """Run the avalanche counts from `begin` to `end - 1` from candidate to candidate, where avalanches are rare.
-
-    Candidates strike (bin, detector) cells as a Poisson process of the rate `most` a cell, no less than that of any of
-    the bins, and are real with the ratio of the rates; a detector avalanches that is armed and struck by a real one.
-    """
-    counts, draws, rates = scratch.counts, scratch.draws, scratch.rates
-    detectors = float(numbers.detectors)
-    wait = 1.0 / (most * detectors)
-    time = float(begin)
-    bin_, cell, armed, tried, hit = -1, -1, 0, 0, False
-    at = _BATCH
-    while True:
-        if at == _BATCH:
-            fill(stream, draws, _BATCH)
-            at = 0
-        time -= log(1.0 - draws[at]) * wait
-        if time >= end:
-            return
-        real = draws[at + 1] * most < rates[int(time) - origin]
-        candidate = int((time - int(time)) * detectors)
-        if int(time) != bin_:
-            bin_, cell, tried = int(time), -1, 0
-            armed = numbers.detectors
-            for age in range(1, numbers.dead):
-                armed -= counts[numbers.pad + bin_ - age]
-        if candidate != cell:
-            cell = candidate
-            hit = draws[at + 2] * (numbers.detectors - tried) < armed
-            tried += 1
-            armed -= 1 if hit else 0
-        if hit and real:
-            counts[numbers.pad + bin_] += 1
-            hit = False
-        at += 3
-
-
-@kernel
-def _bin_by_bin(numbers: Numbers, scratch: Scratch, front: Front, begin: int, end: int, origin: int) -> None:
-    """Run the avalanche counts from `begin` to `end - 1`, given those before; draw 0 is for bin `begin`."""
-    counts, draws, rates = scratch.counts, scratch.draws, scratch.rates
-    armed = numbers.detectors
-    for age in range(1, numbers.dead):
-        armed -= counts[numbers.pad + begin - age]
-    first = np.uint64(numbers.pad + begin)
-    rearmed = np.uint64(numbers.pad + begin - numbers.dead)
-    rate = np.uint64(begin - origin)
-    armed -= counts[rearmed]
-    for k in range(np.uint64(end - begin)):
-        armed += counts[rearmed + k]
-        fired = look_up(front, begin + np.int64(k), armed, rates[rate + k], draws[k])
-        if fired < 0:
-            fired = binomial(draws[k], armed, rates[rate + k], scratch.inverse)
-        counts[first + k] = fired
-        armed -= fired
-
-
-@kernel
-def hazy(
-    numbers: Numbers, stream: Stream, scratch: Scratch, pulses: Pulses, beam: int, per_bin: float, begin: int, end: int
-) -> None:
-    """Run the avalanche counts from `begin` to `end - 1`, piece by piece, each in the way that is the faster.
-
-    A piece has draws of its own, so that what happens in one moves no draws of another.
-    """
-    rates = scratch.rates
-    rates[: end - begin] = per_bin
-    add_rates(pulses, beam, begin, end, rates)
-    piece = begin // _PIECE
-    while piece * _PIECE < end:
-        low, high = max(piece * _PIECE, begin), min((piece + 1) * _PIECE, end)
-        most = 0.0
-        for k in range(low - begin, high - begin):
-            most = max(most, rates[k])
-        stream.counter[0] = np.uint64(piece + 1) << _PIECE_SHIFT
-        if most * numbers.detectors < _RARE:
-            if most > 0.0:
-                _candidates(numbers, stream, scratch, low, high, most, begin)
-        else:
-            fill(stream, scratch.draws, high - low)
-            _bin_by_bin(numbers, scratch, pulses.haze.front, low, high, begin)
-        piece += 1
-    stream.counter[0] = np.uint64(numbers.bins) << _PIECE_SHIFT
-
-
-@kernel
 def simulate_alone(
     numbers: Numbers,
     stream: Stream,
@@ -234,35 +136,64 @@ def simulate_alone(
     scratch: Scratch,
     echoes: EchoArrays,
 ) -> None:
-    """Simulate beam `i`; `level`: its background, for which the blocks' table is filled."""
+    """Simulate beam `i`, which is not long; `level`: its background, for which the blocks' table is filled."""
     counts, rates, draws, blocks = scratch.counts, scratch.rates, scratch.draws, scratch.blocks
     rewind(stream, beams[i])
-    is_hazy = pulses.haze.last > 0 and not blocks.crowded[0] and pulses.haze.first[i] < pulses.haze.first[i + 1]
     begin, end = pulse_window(numbers, pulses, i)
-    if is_hazy:
-        begin = pulses.haze.begin if end == 0 else min(begin, pulses.haze.begin)
-        end = max(begin, end, haze_end(numbers, pulses.haze, i, level.faint))
-    if blocks.crowded[0]:
-        begin, end = 0, numbers.bins
-    fill_twice(stream, draws, RESERVE if is_hazy else RESERVE + end - begin)
+    fill_twice(stream, draws, RESERVE + end - begin)
     before, behind = draws[RESERVE - 2], draws[RESERVE - 1]
     dead = enter(numbers, stream, scratch, level.dead_rate, begin)
-    if is_hazy:
-        hazy(numbers, stream, scratch, pulses, i, level.per_bin, begin, end)
-    else:
-        rates[: end - begin] = level.per_bin
-        add_rates(pulses, i, begin, end, rates)
-        chain(numbers, scratch, begin, end, dead)
-    on_at_end = find_echoes(numbers, counts, begin, end, i, echoes)
+    rates[: end - begin] = level.per_bin
+    add_pulses(pulses, i, begin, end, rates)
+    chain(numbers, scratch, begin, end, dead)
+    on = find_echoes(numbers, counts, begin, end, i, echoes)
     block = stream.counter[0]
-    if bg.is_quiet(numbers, blocks, stream, draws, before, behind, begin, end, dead, on_at_end):
+    if bg.looks_quiet(numbers, blocks, stream, draws, before, behind, begin, end, dead, on):
         counts[numbers.pad + begin - numbers.dead : numbers.pad + end] = 0
-    elif is_local(blocks, level.faint):
-        stream.counter[0] = block
-        find_locally(
-            numbers, blocks, stream, draws, before, behind, begin, end, dead, on_at_end, rates, counts, i, echoes
-        )
     else:
+        stream.counter[0] = block
+        look_outside(numbers, stream, level, pulses, i, begin, end, dead, on, before, behind, scratch, echoes)
+
+
+@kernel
+def look_outside(
+    numbers: Numbers,
+    stream: Stream,
+    level: BackgroundLevel,
+    pulses: Pulses,
+    i: Any,
+    begin: Any,
+    end: Any,
+    dead: int,
+    on: int,
+    before: float,
+    behind: float,
+    scratch: Scratch,
+    echoes: EchoArrays,
+) -> None:
+    """Find the echoes of beam `i`, whose surroundings do not look quiet; clear `counts`.
+
+    The stream stands where it stood before `looks_quiet`, whose arguments these are.
+    """
+    blocks, draws = scratch.blocks, scratch.draws
+    if is_local(blocks, level.faint):
+        find_locally(
+            numbers,
+            blocks,
+            stream,
+            draws,
+            before,
+            behind,
+            begin,
+            end,
+            dead,
+            on,
+            scratch.rates,
+            scratch.counts,
+            i,
+            echoes,
+        )
+    elif not bg.is_quiet(numbers, blocks, stream, draws, before, behind, begin, end, dead, on):
         look_around(numbers, stream, level, pulses, i, begin, end, scratch, echoes)
 
 
