@@ -7,12 +7,10 @@ import numba
 import numpy as np
 import pytest
 
+from exact_kit import on_their_own, side_by_side
 from lidarcheck.model import lane_math, simulate, streams
-from lidarcheck.model.exact import kernel, listing
+from lidarcheck.model.exact import listing
 from lidarcheck.model.exact.binomial import binomial, inverses
-from lidarcheck.model.exact.echoes import EchoArrays, new_echoes
-from lidarcheck.model.exact.numbers import numbers_of
-from lidarcheck.model.exact.pulses import pulses_of
 from lidarcheck.model.exact.quick_sums import ROWS, settle
 from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.spec import Model
@@ -122,27 +120,6 @@ def light(n: int, background: float | np.ndarray, pulses: int, spread_m: float, 
     return Light(*np.divmod(np.arange(n), 960), np.broadcast_to(background, n), first, range_m, signal)
 
 
-def run(beams: Light, sensor: Sensor, chunk: int) -> EchoArrays:
-    numbers, echoes = numbers_of(sensor), new_echoes(len(beams), sensor.max_echoes)
-    for column in echoes:
-        column[:] = 0
-    scratch, order = kernel.new_scratch(numbers), np.arange(len(beams))
-    for start in range(0, len(beams), chunk):
-        kernel.simulate_beams(
-            numbers,
-            streams.new_stream(4, "spads", 2),
-            streams.beam_keys(beams.layer, beams.point),
-            beams.background_per_ns * sensor.bin_ns,
-            pulses_of(beams, sensor, numbers),
-            order[start : start + chunk],
-            scratch,
-            echoes,
-        )
-        assert not scratch.counts.any()
-        assert not scratch.group.counts[: numbers.dead * LANES].any()
-    return echoes
-
-
 CASES = {
     "SMART": (Sensor.of("SMART", max_range_m=40.0), light(3000, 3e-4, 1, 0.0, 1e4)),
     "SLIM, several pulses": (Sensor.of("SLIM", max_range_m=40.0), light(3000, 3e-4, 3, 4.0, 1e3)),
@@ -168,10 +145,11 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_echoes_side_by_side_are_those_of_beams_on_their_own(case: str) -> None:
     sensor, beams = CASES[case]
-    together, alone = run(beams, sensor, 1 << 20), run(beams, sensor, 5)
+    alone = on_their_own(beams, sensor)
     assert alone.held.sum() > 100
-    for one, other in zip(together, alone, strict=True):
-        assert np.array_equal(one, other)
+    for chunk in (1 << 20, 5):
+        for one, other in zip(side_by_side(beams, sensor, chunk), alone, strict=True):
+            assert np.array_equal(one, other)
 
 
 def test_chunks_of_the_table_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:

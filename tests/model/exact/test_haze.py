@@ -11,7 +11,6 @@ from lidarcheck.jit import kernel
 from lidarcheck.model import detection, echoes_of, reference, streams
 from lidarcheck.model.exact import kernel as kernels
 from lidarcheck.model.exact.echoes import new_echoes
-from lidarcheck.model.exact.haze_front import Front
 from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.exact.pulses import Pulses, add_rates, pulses_of, window
 from lidarcheck.model.trace import bin_rates
@@ -84,20 +83,6 @@ def test_all_light_arrives_and_no_more(shape: PulseShape | None) -> None:
     integral = np.interp(ends, edges, np.append(0.0, np.cumsum(density) * 0.05))
     assert rates.sum() == pytest.approx(np.dot(shares, integral), abs=2e-8)
     assert rates.min() > -1e-15
-
-
-def test_counts_read_off_the_table_are_those_worked_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    sensor = Sensor.of("SMART", max_range_m=40.0)
-    beams = light(4000, fog(50.0, 40.0), [40.0], pulse=(8.0, 0.3))
-    numbers = numbers_of(sensor)
-    assert len(pulses_of(beams, sensor, numbers).haze.front.rates) == 0, "it does not pay for a few beams"
-    plain = echoes_of(beams, sensor, seed=9)
-    monkeypatch.setattr("lidarcheck.model.exact.haze_front._WORTH_BEAMS", 1)
-    front = pulses_of(beams, sensor, numbers).haze.front
-    assert isinstance(front, Front)
-    assert len(front.rates) > 50
-    assert 0.5 < np.mean(front.counts != 255) < 1.0
-    assert same(plain, echoes_of(beams, sensor, seed=9))
 
 
 def test_no_light_in_it_is_no_haze_bit_by_bit() -> None:

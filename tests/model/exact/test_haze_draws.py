@@ -8,7 +8,7 @@ from haze_kit import TAIL, fog, light
 from lidarcheck.jit import kernel
 from lidarcheck.model import echoes_of, expected_trace, reference, streams
 from lidarcheck.model.exact import kernel as kernels
-from lidarcheck.model.exact import single
+from lidarcheck.model.exact import long_alone
 from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.exact.pulses import pulses_of
 from lidarcheck.model.streams import rewind
@@ -142,7 +142,7 @@ def test_haze_that_is_all_faint_alarms_as_often_as_it_should(variant: str, monke
 def run_hazy(numbers, stream, beams, pulses, per_bin, scratch, avalanches):  # type: ignore[no-untyped-def]
     for i in range(len(beams)):
         rewind(stream, beams[i])
-        single.hazy(numbers, stream, scratch, pulses, i, per_bin, 0, numbers.bins)
+        long_alone.hazy(numbers, stream, scratch, pulses, i, per_bin, 0, numbers.bins)
         for k in range(numbers.bins):
             avalanches[i, k] = scratch.counts[numbers.pad + k]
         scratch.counts[:] = 0
