@@ -117,9 +117,11 @@ def test_no_light_and_no_beams_are_no_trouble(name: str) -> None:
     assert np.isfinite(features(follow(dark_flash(50), sensor), sensor)).all()
 
 
-@pytest.mark.parametrize("name", ["crosstalk", "dead_time"])
-def test_the_chain_follows_such_detectors_one_by_one(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    sensor = behind(Sensor.of("SMART"), name)
+@pytest.mark.parametrize("names", [("dead_time",), ("crosstalk", "afterpulsing")])
+def test_the_chain_follows_such_detectors_one_by_one(names: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    sensor = Sensor.of("SMART")
+    for name in names:
+        sensor = behind(sensor, name)
     beams = light(2.0, 400, range_m=30.0)
     ours = features(follow(beams, sensor, seed=17), sensor)
     scan = chain.echoes_of(beams, sensor, seed=17, threads=1)
