@@ -29,6 +29,7 @@ __all__ = [
     "SEVERAL",
     "TABLE",
     "alarm_rate_of",
+    "ask",
     "beam_key",
     "bins_of",
     "chance_of_any",
@@ -199,18 +200,13 @@ def level_of(levels: Levels, background: float) -> Any:
     return level, above
 
 
-@inlined
-def _known(levels: Levels, level: int, above: float, wanted: npt.NDArray[np.bool_]) -> Any:
-    """Whether the libraries of a level and of the next, where that counts, are there and fit; else why not."""
+@kernel
+def ask(levels: Levels, level: int, above: float, wanted: npt.NDArray[np.bool_]) -> None:
+    """Put down which of the libraries of a level and of the next, where that counts, are not there."""
     last = levels.filled.shape[1] - 1
-    code = _ZERO
-    for k in range(2):
-        if (k == 0 or above > 0.0) and not levels.filled[level + k, last]:
+    for k in range(2 if above > 0.0 else 1):
+        if not levels.filled[level + k, last]:
             wanted[level + k, last] = True
-            code = _TABLE
-        elif (k == 0 or above > 0.0) and levels.unfit[level + k]:
-            code = _EXACT
-    return code
 
 
 @inlined
@@ -271,7 +267,9 @@ def _find_place(
     x0, x1, x2, x3 = philox(key[0], key[1], 0, beam, key[2], 0)
     elsewhere, place = tables.bins, _NOTHING
     lower, above = level_of(levels, background)
-    code = _known(levels, lower, above, wanted)
+    code = np.uint64(levels.ready[lower, 1 if above > 0.0 else 0])
+    if code == _TABLE:
+        ask(levels, lower, above, wanted)
     level = lower + (1 if unit(x2 << np.uint64(tables.sample_bits)) < above else 0)
     if code == _ZERO and signal < 0.0:
         code = _several(tables, levels, level, pulses, i, wanted)

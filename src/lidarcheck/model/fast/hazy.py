@@ -22,7 +22,7 @@ from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.exact.pulse_form import form_of
 from lidarcheck.model.exact.pulses import pulses_of
 from lidarcheck.model.fast.beams import Task
-from lidarcheck.model.fast.draw import alarm_rate_of, beam_key, level_of
+from lidarcheck.model.fast.draw import TABLE, alarm_rate_of, ask, beam_key, level_of
 from lidarcheck.model.fast.histories import histories_of
 from lidarcheck.model.fast.join import join_beams, new_work
 from lidarcheck.model.fast.shelf import Shelf
@@ -32,7 +32,7 @@ from lidarcheck.model.streams import philox, unit
 from lidarcheck.scan import Light, Scan, light_of_beams
 from lidarcheck.sensor import NonIdeal, SpadArray
 
-__all__ = ["hazy_echoes"]
+__all__ = ["can_join", "hazy_echoes", "is_hazy"]
 
 _CHUNK = 8192
 _MORE_LOST = 1e3
@@ -41,11 +41,21 @@ _EXACT = 255
 """The level of beams that go through the exact chain."""
 
 
+def is_hazy(light: Light) -> bool:
+    """Whether the air sends any light back."""
+    haze = light.haze
+    return haze is not None and bool(np.any(haze.density_per_m > 0.0) and np.any(haze.row_share > 0.0))
+
+
+def can_join(sensor: SpadArray) -> bool:
+    """Whether histories can be drawn for the sensor, and windows behind them."""
+    numbers = numbers_of(sensor)
+    return sensor.nonideal == NonIdeal() and numbers.detectors <= MOST_DETECTORS and numbers.bins <= MOST_BINS
+
+
 def hazy_echoes(light: Light, sensor: SpadArray, shelf: Shelf, task: Task) -> Scan | None:
     """The echoes of light with haze; None where the exact chain must run for the whole frame."""
     numbers, among = numbers_of(sensor), functools.partial(share, threads=task.threads)
-    if sensor.nonideal != NonIdeal() or numbers.detectors > MOST_DETECTORS or numbers.bins > MOST_BINS:
-        return None
     pulses = pulses_of(light, sensor, numbers, among)
     if len(pulses.haze.share) == 0:
         return None
@@ -131,18 +141,16 @@ def _choose(
     wanted: npt.NDArray[np.bool_],
 ) -> None:
     """The level of each beam, drawn by nearness to the two on either side of its background."""
-    last = levels.filled.shape[1] - 1
     for row in range(len(layer)):
         i = np.uint64(row)
         around = 0.0 if levels.single else background[i]
         level, above = level_of(levels, around)
         rate[i] = alarm_rate_of(levels, level, above)
         one = haze.first[i + np.uint64(1)] - haze.first[i] == 1 and haze.share[haze.first[i]] == weight
-        for k in range(2):
-            if k == 0 or above > 0.0:
-                if not levels.filled[level + k, last]:
-                    wanted[level + k, last] = True
-                one = one and not levels.unfit[level + k]
+        ready = levels.ready[level, 1 if above > 0.0 else 0]
+        if ready == TABLE:
+            ask(levels, level, above, wanted)
+        one = one and ready == 0
         if above > 0.0:
             _, _, word, _ = philox(key[0], key[1], 0, beam_key(layer[i], point[i]), key[2], 0)
             level += 1 if unit(word) < above else 0

@@ -15,7 +15,7 @@ from lidarcheck.model.exact.report import report_of, room_for, scan_of_table
 from lidarcheck.model.fast.beams import CHUNK, DrawnBeams, Task, pick_pulses
 from lidarcheck.model.fast.draw import EXACT, draw_beams, in_order, signals
 from lidarcheck.model.fast.grid import DEFAULT_GRID, LEVEL_GRID
-from lidarcheck.model.fast.hazy import hazy_echoes
+from lidarcheck.model.fast.hazy import can_join, hazy_echoes, is_hazy
 from lidarcheck.model.fast.shelf import Shelf, shelf_of
 from lidarcheck.model.fast.special import new_found, resolve
 from lidarcheck.model.fast.tables import SeveralPulses
@@ -65,9 +65,10 @@ def fast_frame(ideal: IdealScan, model: Model, sensor: SpadArray, task: Task) ->
 def fast_echoes(light: Light, sensor: SpadArray, task: Task) -> Scan | None:
     """The echoes of any light: of beams whose pulses each see bins of their own from libraries, else by the exact
     chain. None where nothing is gained."""
-    layer, point = light.layer, light.point
+    layer, point, hazy = light.layer, light.point, is_hazy(light)
     if (
         len(light) == 0
+        or (hazy and not can_join(sensor))
         or min(layer.min(), point.min()) < 0
         or layer.max() >= light.beams.layers
         or point.max() >= light.beams.points
@@ -76,7 +77,7 @@ def fast_echoes(light: Light, sensor: SpadArray, task: Task) -> Scan | None:
     shelf = shelf_of(sensor, light.shape, light.background_per_ns, DEFAULT_GRID, LEVEL_GRID)
     if shelf is None:
         return None
-    if light.haze is not None and np.any(light.haze.density_per_m > 0.0) and np.any(light.haze.row_share > 0.0):
+    if hazy:
         return hazy_echoes(light, sensor, shelf, task)
     beams = _beams_of(light, task)
     _draw(beams, shelf, task)

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.model.exact.numbers import numbers_of
+from lidarcheck.model.fast.draw import EXACT, TABLE
 from lidarcheck.model.fast.fill import Source
 from lidarcheck.model.fast.grid import LEVEL_BITS, Grid, level_background, level_below, lowest_background
 from lidarcheck.model.fast.library import Library, affordable, library_of, tables_of
@@ -57,7 +58,16 @@ class Shelf:
         alarms[:, 0] = rates
         for level in range(len(rates) - 1):
             alarms[level] = self._between(level, rates[level], rates[level + 1])
-        return Levels(words_at, filled, self._unfit, alarms, self._first, self._lowest, LEVEL_BITS, self._single)
+        return Levels(
+            words_at, filled, self._ready(filled[:, -1]), alarms, self._first, self._lowest, LEVEL_BITS, self._single
+        )
+
+    def _ready(self, there: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint8]:
+        """See `Levels.ready`; `there` (levels,): whether it is known what stands at a level."""
+        alone = np.where(there, np.where(self._unfit, EXACT, 0), TABLE).astype(np.uint8)
+        after = np.append(alone[1:], alone[-1:])
+        both = np.where((alone == TABLE) | (after == TABLE), TABLE, np.maximum(alone, after))
+        return np.stack([alone, both.astype(np.uint8)], axis=1)
 
     def _between(self, level: int, low: float, high: float) -> tuple[float, float, float]:
         """The polynomial of a rate from a level to the next: a power law's at both ends and in the middle."""

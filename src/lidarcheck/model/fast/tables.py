@@ -38,7 +38,9 @@ class Levels(NamedTuple):
     """The libraries of a frame, one a level of background; or a `single` one.
 
     `words_at` (levels,): where the words of each begin in memory. `filled` (levels, blocks + 1): which blocks are
-    there; the last column says whether the library is. `unfit` (levels,): there can be none. `alarms` (levels, 3): the
+    there; the last column says whether the library is. `ready` (levels, 2): what keeps a beam of just that background,
+    or of one between it and the next, from its libraries: nothing (0), or as in `draw.py` that there is none that fits
+    (`EXACT`) or not yet (`TABLE`). `alarms` (levels, 3): the
     clumps of echoes a bin that background alone makes, as a polynomial of where a background stands between a level and
     the next. `first`: number of the first level; `lowest`: exponent of level 1; `bits`: levels between two powers of
     two.
@@ -46,7 +48,7 @@ class Levels(NamedTuple):
 
     words_at: IndexArray
     filled: npt.NDArray[np.bool_]
-    unfit: npt.NDArray[np.bool_]
+    ready: npt.NDArray[np.uint8]
     alarms: FloatArray
     first: int
     lowest: int
