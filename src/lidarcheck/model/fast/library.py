@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import functools
 import threading
 from typing import NamedTuple
 
@@ -20,7 +21,7 @@ from lidarcheck.model.fast.grid import LOST_AVALANCHES, Span, lowest_octave, spa
 from lidarcheck.model.fast.tables import Tables
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray
 
-__all__ = ["Library", "Samples", "affordable", "library_of", "tables_of"]
+__all__ = ["Library", "Samples", "affordable", "known_library", "library_of", "tables_of"]
 
 _MOST_DETECTORS, _MOST_THRESHOLD, _MOST_BINS = 4095, 100, 256
 _MOST_ALARMS = 0.5
@@ -64,6 +65,11 @@ class Library:
     def blocks(self) -> int:
         """Blocks that there may be."""
         return len(self._spans)
+
+    @property
+    def fits(self) -> bool:
+        """Whether echoes of background alone are rare enough."""
+        return self.alarms.rate * self._numbers.bins <= _MOST_ALARMS
 
     @property
     def filled(self) -> npt.NDArray[np.bool_]:
@@ -145,6 +151,7 @@ def _spans_of(source: Source) -> list[Span]:
     return spans(numbers_of(source.sensor), form, source.sensor)
 
 
+@functools.lru_cache(maxsize=1024)
 def affordable(source: Source) -> bool:
     """Whether a library can stand in for the exact chain: see docs/performance.md."""
     sensor = source.sensor
@@ -156,6 +163,13 @@ def affordable(source: Source) -> bool:
     if max(lengths) > _MOST_BINS or shortest_m < SpadArray.bounds["max_range_m"].low:
         return False
     return alarm_rate(numbers, source.background_per_ns * sensor.bin_ns) * numbers.bins <= _MOST_ALARMS
+
+
+def known_library(source: Source) -> Library | None:
+    """The library of a source if it is in memory and fits."""
+    with _guard:
+        library = _libraries.get(source)
+    return library if library is not None and library.fits else None
 
 
 def library_of(source: Source) -> Library | None:
@@ -170,4 +184,4 @@ def library_of(source: Source) -> Library | None:
         else:
             return None
         library = _libraries[source]
-    return library if library.alarms.rate * numbers_of(source.sensor).bins <= _MOST_ALARMS else None
+    return library if library.fits else None

@@ -11,7 +11,7 @@ from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.fast.draw import EXACT, TABLE
 from lidarcheck.model.fast.fill import Source
 from lidarcheck.model.fast.grid import LEVEL_BITS, Grid, level_background, level_below, lowest_background
-from lidarcheck.model.fast.library import Library, affordable, library_of, tables_of
+from lidarcheck.model.fast.library import Library, affordable, known_library, library_of, tables_of
 from lidarcheck.model.fast.tables import Levels
 from lidarcheck.scan import PulseShape
 from lidarcheck.sensor import SpadArray
@@ -61,6 +61,12 @@ class Shelf:
         return Levels(
             words_at, filled, self._ready(filled[:, -1]), alarms, self._first, self._lowest, LEVEL_BITS, self._single
         )
+
+    def look(self) -> None:
+        """Take the libraries that are in memory, so that beams need not ask for them."""
+        for level in range(len(self.libraries)):
+            self.libraries[level] = known_library(self._source(level))
+            self._unfit[level] = not affordable(self._source(level))
 
     def _ready(self, there: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint8]:
         """See `Levels.ready`; `there` (levels,): whether it is known what stands at a level."""
@@ -118,4 +124,8 @@ def shelf_of(
         return None
     backgrounds = np.array([level_background(lowest, level) for level in range(first, last + 1)])
     source = Source.of(sensor, shape, float(backgrounds[0]), many, seed=first)
-    return Shelf(source, backgrounds, first, single=False) if affordable(source) else None
+    if not affordable(source):
+        return None
+    shelf = Shelf(source, backgrounds, first, single=False)
+    shelf.look()
+    return shelf
