@@ -15,7 +15,7 @@ from lidarcheck.model.stages import Run, run_of
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import Material, Sensor
 
-CHAIN = ("spads", "threshold", "traces", "reference", "fast", "fast alarms")
+CHAIN = ("spads", "threshold", "traces", "reference", "fast", "fast alarms", "fast haze", "fast histories")
 """What the model itself draws for. The effect `threshold` leaves its draws to the chain, which names them so."""
 EFFECTS = {**effects.catalogue(), **empirical_terms()}
 MODEL = Model(Sensor.of("SMART"), {1: Material("wall", 0.4), 2: Material("sign", 0.8, "retro", 1000.0)})

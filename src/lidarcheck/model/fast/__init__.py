@@ -1,1 +1,1 @@
-"""The fast path: echoes of beams with one pulse, drawn from a library that the exact chain fills."""
+"""The fast path: echoes drawn from libraries that the exact chain fills, and in haze joined to shared histories."""

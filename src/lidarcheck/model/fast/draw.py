@@ -1,4 +1,4 @@
-"""Kernels of the fast path: the signal of a frame's beams, and which sample of the library each of them draws.
+"""Kernels of the fast path: which sample of which library each beam draws.
 
 What a beam drew is a word of `words.py`. Where that is not the whole of its echoes, the word says what else: `SPECIAL`,
 then 4 bits of `EXACT`, `TABLE`, `ALARM` or `SEVERAL`, 8 bits for the number of the library, and above the place in its
@@ -7,7 +7,6 @@ words.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -34,11 +33,9 @@ __all__ = [
     "bins_of",
     "chance_of_any",
     "draw_beams",
-    "in_order",
     "is_lit",
     "level_of",
     "place_of",
-    "signals",
 ]
 
 ColumnArray = npt.NDArray[np.int32]
@@ -50,8 +47,7 @@ NOTHING = (1 << 48) - 1
 """The place of a beam that no pulse comes back to."""
 _BATCH = 512
 """Beams whose samples are read one after the other: many reads that wait for memory then wait together."""
-_COSINE = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(11))
-"""Coefficients of the cosine's series, good to 1e-15 up to a right angle."""
+
 
 _ZERO, _ONE, _KIND = np.uint64(0), np.uint64(w.ONE), np.uint64(w.KIND)
 _SPECIAL, _MANY, _NOTHING = np.uint64(w.SPECIAL), np.uint64(w.MANY), np.uint64(NOTHING)
@@ -88,57 +84,6 @@ _word_at: Any = intrinsic(_word_at_of)
 def beam_key(layer: Any, point: Any) -> Any:
     """The number by which streams know a beam; see `streams.beam_keys`."""
     return np.uint64(np.int64(layer)) << np.uint64(32) | np.uint64(np.int64(point))
-
-
-@kernel
-def signals(
-    distance_m: FloatArray,
-    incidence_deg: FloatArray,
-    material: ColumnArray,
-    strength: FloatArray,
-    falloff: FloatArray,
-    signal: FloatArray,
-    start: int,
-    stop: int,
-) -> int:
-    """S of the rows `start` ... `stop - 1` by the range equation (see `light.surface_signal`) into `signal`.
-
-    `strength`, `falloff`: by material; NaN where there is no such material. Returns how many rows are no ordinary
-    ones: a distance below 0 or not finite, an incidence beyond a right angle, a material that is not there.
-    """
-    odd = 0
-    last = np.uint32(len(strength) - 1)
-    for row in range(start, stop):
-        i = np.uint64(row)
-        distance, angle = distance_m[i], incidence_deg[i]
-        number = np.uint32(material[i])
-        number = number if number < last else last
-        t = angle * (math.pi / 180.0)
-        t = t * t
-        cosine = 0.0
-        for k in range(10, -1, -1):
-            cosine = cosine * t + _COSINE[k]
-        cosine = cosine if cosine > 0.0 else 0.0
-        nearest = distance if distance > 1e-3 else 1e-3
-        value = strength[number] * (falloff[number] * cosine + (1.0 - falloff[number])) / (nearest * nearest)
-        hit = distance > 0.0
-        fair = (distance >= 0.0) & (distance < math.inf) & (angle >= 0.0) & (angle <= 90.0)
-        odd += 0 if fair & ((value >= 0.0) | (not hit)) else 1
-        signal[i] = value if hit else 0.0
-    return odd
-
-
-@kernel
-def in_order(layer: ColumnArray, point: ColumnArray, layers: int, points: int, start: int, stop: int) -> bool:
-    """Whether the rows are beams of the sensor, one a beam, in order of (layer, point), the row before included."""
-    wrong = 0
-    for i in range(max(start, 1), stop):
-        rises = (layer[i] > layer[i - 1]) | ((layer[i] == layer[i - 1]) & (point[i] > point[i - 1]))
-        wrong += 0 if rises else 1
-    for i in range(start, stop):
-        inside = (layer[i] >= 0) & (layer[i] < layers) & (point[i] >= 0) & (point[i] < points)
-        wrong += 0 if inside else 1
-    return wrong == 0
 
 
 @inlined

@@ -92,7 +92,7 @@ def _kept(numbers: Numbers, per_bin: float, of_bins: bytes, level: int, how: _Sa
     fits = np.ones(HISTORIES // _CHUNK, dtype=np.bool_)
 
     def run(at: int) -> None:
-        stream = new_stream(0, "fast haze", level)
+        stream = new_stream(0, "fast histories", level)
         inverse = inverses(numbers.detectors)
         fits[at // _CHUNK] = _simulate(numbers, stream, rates, at, at + _CHUNK, group_of(), inverse, found)
 

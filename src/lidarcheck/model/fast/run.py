@@ -12,8 +12,8 @@ import numpy.typing as npt
 from lidarcheck.model.detection import chain_echoes
 from lidarcheck.model.exact.echoes import EchoArrays, new_echoes
 from lidarcheck.model.exact.report import report_of, room_for, scan_of_table
-from lidarcheck.model.fast.beams import CHUNK, DrawnBeams, Task, pick_pulses
-from lidarcheck.model.fast.draw import EXACT, draw_beams, in_order, signals
+from lidarcheck.model.fast.beams import CHUNK, DrawnBeams, Task, in_order, pick_pulses, signals
+from lidarcheck.model.fast.draw import EXACT, draw_beams
 from lidarcheck.model.fast.grid import DEFAULT_GRID, LEVEL_GRID
 from lidarcheck.model.fast.hazy import can_join, hazy_echoes, is_hazy
 from lidarcheck.model.fast.shelf import Shelf, shelf_of
