@@ -10,7 +10,7 @@ import pytest
 from scipy import special, stats
 
 from lidarcheck.model import echoes_of
-from lidarcheck.model.fast import library, run, store
+from lidarcheck.model.fast import disturbed, library, run, store
 from lidarcheck.model.fast import words as w
 from lidarcheck.model.fast.grid import Grid
 from lidarcheck.scan import Light, Scan
@@ -29,11 +29,13 @@ MEANS = ("detected", "echoes", "width", "area", "peak", "range")
 
 @contextlib.contextmanager
 def small_library(directory: Path, grid: Grid = SMALL) -> Iterator[None]:
-    """A library of few samples, kept in that directory, and none in memory yet."""
+    """A library of few samples and dark beams, kept in that directory, and none in memory yet."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run, "DEFAULT_GRID", grid)
         patch.setattr(run, "LEVEL_GRID", SMALL_LEVEL)
         patch.setattr(store, "base_directory", lambda: directory)
+        patch.setattr(disturbed, "_LEAST_BEAMS", 1 << 17)
+        patch.setattr(disturbed, "_MOST_BEAMS", 1 << 19)
         patch.setattr(library, "_libraries", type(library._libraries)())
         yield
 

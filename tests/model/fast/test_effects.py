@@ -9,7 +9,7 @@ from scipy import stats
 from fast_kit import feature_p_values, joint_p_value, mean_p_values, plant, sample, small_library
 from lidarcheck.effects import make
 from lidarcheck.model import echoes_of
-from lidarcheck.model.fast import disturbed, library
+from lidarcheck.model.fast import library
 from lidarcheck.scan import Light
 from lidarcheck.sensor import Sensor
 from reference_grid import POINTS
@@ -20,9 +20,7 @@ PLANTED = ("detected", "area", "range")
 
 
 @pytest.fixture(autouse=True)
-def _library(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr(disturbed, "_LEAST_BEAMS", 1 << 17)
-    monkeypatch.setattr(disturbed, "_MOST_BEAMS", 1 << 19)
+def _library(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with small_library(tmp_path_factory.mktemp("library")):
         yield
 

@@ -12,7 +12,7 @@ from lidarcheck.cli.bench.scene import MATERIALS, lab_frame, lab_model
 from lidarcheck.effects import make
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.model import External, Model, echoes_of, light_of, simulate
-from lidarcheck.model.fast import disturbed, run
+from lidarcheck.model.fast import run
 from lidarcheck.model.fast.grid import Grid
 from lidarcheck.scan import IdealScan, Light, Scan
 from lidarcheck.sensor import Sensor
@@ -23,8 +23,7 @@ COLUMNS = ("x_m", "y_m", "z_m", "layer", "point", "echo_number", "width_ns", "ar
 
 @pytest.fixture(scope="module", autouse=True)
 def _library(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch, small_library(tmp_path_factory.mktemp("library"), Grid(sample_bits=4)):
-        patch.setattr(disturbed, "_LEAST_BEAMS", 1 << 17)
+    with small_library(tmp_path_factory.mktemp("library"), Grid(sample_bits=4)):
         yield
 
 

@@ -26,9 +26,9 @@ _BEAMS = 1 << 17
 """That are simulated at a time."""
 _ENOUGH = 2000
 """Clumps that tell their rate to 2 %."""
-_LEAST_BEAMS, _MOST_BEAMS = 1 << 20, 1 << 22
+_LEAST_BEAMS, _MOST_BEAMS = 1 << 19, 1 << 20
 _FEW = 10
-"""Clumps among the fewest beams below which one in a hundred thousand beams has any: no more are looked for."""
+"""Clumps among the fewest beams below which one in fifty thousand beams has any: no more are looked for."""
 _DEAD_TIMES = 4
 """Between two echoes of one clump at most, as in `alarms.py`."""
 
