@@ -240,7 +240,7 @@ def add_haze(haze: HazeRates, beam: int, begin: int, end: int, rates: FloatArray
 
 
 @inlined
-def _add_cut(haze: HazeRates, at: float, share: float, begin: int, end: int, rates: FloatArray) -> int:
+def _add_cut(haze: HazeRates, at: float, share: float, begin: int, end: int, rates: FloatArray) -> Any:
     """Add a row's haze from where its end is felt; returns the bin before which it is the uncut profile."""
     last_cell = _cell(haze, at)
     table_row = last_cell // haze.stride

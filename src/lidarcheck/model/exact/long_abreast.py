@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba.cpython.unsafe.numbers import trailing_zeros
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.jit import inlined, kernel
@@ -21,6 +20,7 @@ from lidarcheck.model.exact.long_space import ABOVE, ARMED, FIRED, LANE, ON, Lan
 from lidarcheck.model.exact.long_sums import BRIGHT, sum_doubles, sum_singles
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.short_draws import BINS, CELL, FIRST_BLOCK, WIDE, count_of, fill_words
+from lidarcheck.model.rows import lowest
 from lidarcheck.model.streams import Stream
 
 __all__ = ["run_lanes"]
@@ -88,7 +88,7 @@ def run_lanes(
             if too_bright:
                 open_ = sum_doubles(lanes, bin_, draw, inverse, numbers.detectors)
         while open_ != np.uint64(0):
-            one = np.uint64(trailing_zeros(open_))
+            one = lowest(open_)
             open_ &= open_ - np.uint64(1)
             armed, rate, short = (
                 np.int64(state[ARMED + one]),
@@ -148,7 +148,7 @@ def _add_bin(lanes: Lanes, bin_: float, threshold: Any, echoes: EchoArrays) -> N
         begins = (state[ON + lane] > threshold) & (state[ABOVE + lane] <= _F0) & (sums[_WIDTH + lane] > 0.0)
         again |= np.uint64(1) << np.uint64(lane) if begins else np.uint64(0)
     while again != np.uint64(0):
-        _keep_pending(sums, lanes.beam, np.uint64(trailing_zeros(again)), echoes)
+        _keep_pending(sums, lanes.beam, lowest(again), echoes)
         again &= again - np.uint64(1)
     for lane in range(LANE):
         on = state[ON + lane]

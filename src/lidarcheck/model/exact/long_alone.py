@@ -66,7 +66,8 @@ def hazy(
     numbers: Numbers, stream: Stream, scratch: Scratch, pulses: Pulses, beam: Any, per_bin: float, begin: int, end: int
 ) -> None:
     """Run the avalanche counts from `begin` to `end - 1`, given those before."""
-    rates, counts, draws = scratch.rates, scratch.counts, scratch.draws
+    rates, counts = scratch.rates, scratch.counts
+    draws: Any = scratch.draws
     rates[: end - begin] = per_bin
     add_rates(pulses, beam, begin, end, rates)
     armed = numbers.detectors
@@ -95,7 +96,8 @@ def _simulate_long(
 ) -> None:
     """Simulate beam `i`, which is long; `level`: its background, for which the blocks' table is filled."""
     counts, draws, blocks = scratch.counts, scratch.draws, scratch.blocks
-    begin, end = np.int64(0), long_end(numbers, blocks, level, pulses, i)
+    begin: Any = np.int64(0)
+    end = long_end(numbers, blocks, level, pulses, i)
     rewind(stream, beams[i])
     fill(stream, draws, RESERVE)
     before, behind = draws[RESERVE - 2], draws[RESERVE - 1]

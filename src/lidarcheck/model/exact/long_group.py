@@ -141,7 +141,8 @@ def _finish(
     echoes: EchoArrays,
 ) -> None:
     """Look for a lane's echoes that reach beyond its window."""
-    blocks, begin = scratch.blocks, np.int64(0)
+    blocks = scratch.blocks
+    begin: Any = np.int64(0)
     end, dead = lanes.length[lane], lanes.dead[lane]
     on: Any = np.int64(0)
     for age in range(numbers.on if end > 0 else 0):

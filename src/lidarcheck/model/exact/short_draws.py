@@ -99,7 +99,7 @@ def _quantile(uniform: float, armed: int, rate: float, inverse: FloatArray) -> i
 @kernel
 def count_of(
     stream: Stream, beam: Any, bin_: Any, short: Any, armed: Any, rate: float, detectors: int, inverse: FloatArray
-) -> int:
+) -> Any:
     """Avalanches of `armed` detectors in a bin."""
     if armed <= 0 or rate <= 0.0:
         return 0
