@@ -17,7 +17,7 @@ _ELSEWHERE = {"draw_avalanches", "count_beams", "trace_beams", "light_after_effe
 _ELSEWHERE |= {"simulate_frames"}
 """Functions that give no echoes: traces and light for plots and for the search of what a model lacks; whether a file of
 the library is sound, and whether it pays. And frames that programs are asked for at once."""
-_ROUNDS = {"philox", "_round", "_wide_product", "_high_word_of"}
+_ROUNDS = {"philox", "philox_round", "_wide_product", "_high_word_of"}
 """The rounds of the random numbers: others are as random; tests hold them to known answers."""
 _NOT_HERE = ("TYPE_CHECKING", ", Program)", "model.external is not None")
 """What is asked before a branch that nothing of this package runs in: somebody else's program does."""

@@ -32,6 +32,7 @@ __all__ = [
     "fill_twice_abreast",
     "new_stream",
     "philox",
+    "philox_round",
     "purpose_key",
     "rewind",
     "skip",
@@ -158,7 +159,8 @@ def _wide_product(factor: Any, x: Any) -> Any:
 
 
 @inlined
-def _round(x0: Any, x1: Any, x2: Any, x3: Any, k0: Any, k1: Any) -> Any:
+def philox_round(x0: Any, x1: Any, x2: Any, x3: Any, k0: Any, k1: Any) -> Any:
+    """One of the rounds of a block, for many beams at a time."""
     high0, low0 = _wide_product(_M0, x0)
     high1, low1 = _wide_product(_M1, x2)
     return high1 ^ x1 ^ k0, low1, high0 ^ x3 ^ k1, low0
@@ -175,8 +177,8 @@ def _words_abreast(stream: Stream, beams: npt.NDArray[np.uint64], block: Any, wo
     for _ in range(_ROUNDS // 2):
         for lane in range(_LANES):
             x = words[_X0 + lane], words[_X1 + lane], words[_X2 + lane], words[_X3 + lane]
-            x = _round(x[0], x[1], x[2], x[3], k0, k1)
-            x = _round(x[0], x[1], x[2], x[3], k0 + _W0, k1 + _W1)
+            x = philox_round(x[0], x[1], x[2], x[3], k0, k1)
+            x = philox_round(x[0], x[1], x[2], x[3], k0 + _W0, k1 + _W1)
             words[_X0 + lane], words[_X1 + lane], words[_X2 + lane], words[_X3 + lane] = x
         k0 += _W0 + _W0
         k1 += _W1 + _W1

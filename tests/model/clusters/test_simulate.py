@@ -67,7 +67,8 @@ def compared(variant: str, case: str, n: int, planted: float = 1.0) -> dict[tupl
 @pytest.mark.parametrize("case", CASES)
 def test_echoes_agree_with_every_detector_followed_one_by_one(variant: str, case: str, n: int) -> None:
     p_values = compared(variant, case, n)
-    assert min(p_values.values()) > 1e-3 / len(p_values), min(p_values.items(), key=lambda item: item[1])
+    # Of 40 cases one in 250 fails by chance.
+    assert min(p_values.values()) > 1e-4 / len(p_values), min(p_values.items(), key=lambda item: item[1])
 
 
 @pytest.mark.parametrize("case", ["strong", "strong false alarms"])

@@ -19,7 +19,7 @@ from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.exact.abreast import MOST_DETECTORS, RESERVE
 from lidarcheck.model.exact.binomial import binomial
 from lidarcheck.model.lane_math import LANES, LN2, exp, expm1
-from lidarcheck.model.streams import Stream, philox, unit
+from lidarcheck.model.streams import Stream, philox, philox_round, unit
 
 __all__ = ["BINS", "CELL", "FIRST_BLOCK", "MARGIN", "WIDE", "count_of", "fill_short", "fill_words"]
 
@@ -34,29 +34,11 @@ WIDE = 2 * LANES
 _OF_E = 1
 """The counter's last word of the numbers e."""
 _SAFE_EXPONENT = 600.0
-_M0, _M1 = np.uint64(0xD2E7470EE14C6C93), np.uint64(0xCA5A826395121157)
 _W0, _W1 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBB67AE8584CAA73B)
 _ROUNDS = 10
-_LOW_HALF, _HALF, _SHORT = np.uint64(0xFFFFFFFF), np.uint64(32), np.uint64(0xFFFF)
+_SHORT = np.uint64(0xFFFF)
 _LANES: Any = np.uint64(WIDE)
 _X0, _X1, _X2, _X3 = (np.uint64(word * WIDE) for word in range(4))
-
-
-@inlined
-def _wide_product(factor: Any, x: Any) -> Any:
-    low, high = factor & _LOW_HALF, factor >> _HALF
-    x_low, x_high = x & _LOW_HALF, x >> _HALF
-    first = low * x_low
-    second = high * x_low + (first >> _HALF)
-    third = low * x_high + (second & _LOW_HALF)
-    return high * x_high + (second >> _HALF) + (third >> _HALF), (third << _HALF) | (first & _LOW_HALF)
-
-
-@inlined
-def _round(x0: Any, x1: Any, x2: Any, x3: Any, k0: Any, k1: Any) -> Any:
-    high0, low0 = _wide_product(_M0, x0)
-    high1, low1 = _wide_product(_M1, x2)
-    return high1 ^ x1 ^ k0, low1, high0 ^ x3 ^ k1, low0
 
 
 @kernel
@@ -70,8 +52,8 @@ def fill_words(stream: Stream, beams: npt.NDArray[np.uint64], block: Any, words:
     for _ in range(_ROUNDS // 2):
         for lane in range(_LANES):
             x = words[_X0 + lane], words[_X1 + lane], words[_X2 + lane], words[_X3 + lane]
-            x = _round(x[0], x[1], x[2], x[3], k0, k1)
-            x = _round(x[0], x[1], x[2], x[3], k0 + _W0, k1 + _W1)
+            x = philox_round(x[0], x[1], x[2], x[3], k0, k1)
+            x = philox_round(x[0], x[1], x[2], x[3], k0 + _W0, k1 + _W1)
             words[_X0 + lane], words[_X1 + lane], words[_X2 + lane], words[_X3 + lane] = x
         k0 += _W0 + _W0
         k1 += _W1 + _W1
