@@ -45,7 +45,9 @@ def test_a_scenario_that_watches_for_errors_tolerates_little_more_than_chance(fi
     loose = []
     for name, kpi in load_golden(PROJECT.golden(file.stem)).kpis.items():
         chance = sensitivity.resolution(share(), kpi.reference.sd)
-        exact = kpi.spec.kind == "distance" or chance < 1e-9
+        # A share of few beams moves by one of them or not at all, which a spread over seeds hardly knows.
+        a_beam = 1.0 / kpi.reference.trials if kpi.spec.kind == "proportion" and kpi.reference.trials > 0 else 0.0
+        exact = kpi.spec.kind == "distance" or chance < 1e-9 or kpi.spec.tolerance <= 2.0 * a_beam
         if not exact and kpi.spec.tolerance > MOST_OF_CHANCE * chance:
             loose.append(f"{name}: {kpi.spec.tolerance:g} where chance alone explains {chance:.3g}")
     assert not loose
