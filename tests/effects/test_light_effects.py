@@ -336,7 +336,6 @@ def test_rows_are_found_behind_the_beams_of_any_table() -> None:
     found = BeamRows.of(light, table)
     assert found.first.tolist() == [0, 1, 2, 4]
     assert found.row.tolist() == [1, 3, 0, 2]
-    assert found.beam.tolist() == [0, 1, 2, 2]
     assert found.total(np.array([1.0, 2.0, 3.0, 4.0])).tolist() == [1.0, 2.0, 7.0]
     missing = BeamRows.of(light, table.take(np.array([0, 2, 3])))
     assert missing.first.tolist() == [0, 0, 1, 3]

@@ -94,6 +94,7 @@ def test_what_can_be_clicked(project):
 
 def test_letters_of_a_list_that_folds_are_found(project):
     async def do(app, pilot):
+        await sees(app, pilot, "scenarios,")
         for number in range(30):
             app.say(f"line {number} " + "of many words " * 8)
         await pilot.press("L")

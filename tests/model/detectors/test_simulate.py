@@ -34,7 +34,10 @@ def agreement(ours: np.ndarray, many: int, theirs: np.ndarray, few: int) -> Iter
     """p-values of every feature, of the number of echoes and of beams with one; each sample's number of beams."""
     for column, name in enumerate(("range", "width", "area", "peak"), start=1):
         if min(len(ours), len(theirs)) > 20:
-            yield name, float(stats.ks_2samp(ours[:, column].round(3), theirs[:, column].round(3)).pvalue)
+            yield (
+                name,
+                float(stats.ks_2samp(ours[:, column].round(3), theirs[:, column].round(3), method="asymp").pvalue),
+            )
     hits, found = len(np.unique(ours[:, 0])), len(np.unique(theirs[:, 0]))
     yield "beams with an echo", float(stats.fisher_exact([[hits, found], [many - hits, few - found]]).pvalue)
     second, other = len(ours) - hits, len(theirs) - found
