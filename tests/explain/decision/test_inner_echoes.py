@@ -16,7 +16,7 @@ FINE = {"layers": range(230, 290, 2), "points": range(400, 560, 2)}
 SHAKEN = make("vibration", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.1})
 WIDE = make("beam_divergence", {"vertical_deg": 0.1, "horizontal_deg": 0.2})
 TURNED = make("boresight", {"yaw_deg": 0.2, "pitch_deg": 0.1})
-FOREIGN = make("interference", {"share": 0.02, "signal": 8.0})
+FOREIGN = make("interference", {"share": 0.04, "signal": 8.0})
 
 
 @pytest.mark.parametrize("named", [SHAKEN, WIDE, TURNED], ids=lambda effect: effect.name)

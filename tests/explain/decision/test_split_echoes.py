@@ -17,7 +17,7 @@ from lidarcheck.inference.wasserstein import PARTS, Scale
 from lidarcheck.scan import IdealScan, Scan
 
 FINE = {"layers": range(230, 290), "points": range(360, 520, 2)}
-FOOTPRINT = make("beam_divergence", {"vertical_deg": 0.02, "horizontal_deg": 0.06})
+FOOTPRINT = make("beam_divergence", {"vertical_deg": 0.01, "horizontal_deg": 0.04})
 BEFORE = 0.1
 
 
