@@ -20,12 +20,12 @@ from lidarcheck.inference.simulator import Simulator
 
 GAIN, JITTER = make("signal_gain", {"gain": 0.4}), make("timing_jitter", {"sigma_ns": 0.5})
 LONG = make("pulse_shape", {"stretch": 1.8})
-FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 12)}
 NAMES = ("signal_gain", "timing_jitter", "incidence_falloff", "dark_counts")
 
 
-def bench_of(*hidden: Effect) -> SearchData:
-    measured = frames(model(*hidden), 4, **FINE)
+def bench_of(*hidden: Effect, step: int = 12) -> SearchData:
+    """Frames of every `step`th point."""
+    measured = frames(model(*hidden), 4, layers=range(230, 290, 2), points=range(320, 640, step))
     simulator, select = Simulator(measured[:3], model(), 3), Simulator(measured[3:], model(), 4)
     return SearchData(simulator, select, 10.0, simulator.distance(np.zeros((1, len(simulator.measured)))))
 
@@ -120,7 +120,8 @@ def test_a_step_that_is_too_short_is_doubled_while_that_leads_nearer() -> None:
 
 
 def test_an_effect_that_made_up_for_an_unfinished_fit_is_left_out_again() -> None:
-    bench = bench_of(GAIN)
+    """Of half as many beams one in seven fits of the gain alone ends too early, and the pose goes to its limit."""
+    bench = bench_of(GAIN, step=6)
     names = ("signal_gain", "incidence_falloff")
     probes = [fixed_probes([name])[0] for name in names]
     off = fit(bench.simulator, probes, [probe.start() for probe in probes], rounds=0)
