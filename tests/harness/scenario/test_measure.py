@@ -34,7 +34,8 @@ WITHOUT_EFFECTS = sorted(
 WITH_SURFACES = [name for name in WITHOUT_EFFECTS if "background" not in name]
 OF_STRENGTH = [name for name in WITH_SURFACES if not name.startswith(("retro", "directions", "numbers", "sensor"))]
 """Of other sensors what is calibrated takes the sensor's own strength off again."""
-SEEDS = 6
+SEEDS, MANY_SEEDS = 6, 30
+"""Six know the scatter to a third, which does for a first look; thirty to an eighth."""
 
 # Beams (0, 0) ... (0, 3) meet a surface at 10, 20, 30 and 40 m, (0, 4) nothing.
 IDEAL = IdealScan(np.zeros(5), np.arange(5), np.array([10.0, 20.0, 30.0, 40.0, 0.0]), np.ones(5), np.zeros(5))
@@ -274,17 +275,20 @@ def shipped(name: str) -> Scenario:
 
 
 @cache
-def baseline(name: str) -> list[SeedMeasurement]:
-    return [measure(shipped(name), shipped(name).model, seed) for seed in range(SEEDS)]
+def baseline(name: str, seeds: int = SEEDS) -> list[SeedMeasurement]:
+    return [measure(shipped(name), shipped(name).model, seed) for seed in range(seeds)]
 
 
 def changes(name: str, changed: list[SeedMeasurement]) -> dict[str, tuple[float, float]]:
-    """By KPI that is no distance: the change of its mean in tolerances, and what chance makes of it with 16 seeds."""
+    """By KPI that is no distance: the change of its mean in tolerances, and what chance makes of it with 16 seeds.
+
+    The baseline has as many seeds as the changed measurement.
+    """
     found = {}
     for kpi in shipped(name).kpis:
         if kpi.kind == "distance":
             continue
-        old, new = ([one.values[kpi.name] for one in part] for part in (baseline(name), changed))
+        old, new = ([one.values[kpi.name] for one in part] for part in (baseline(name, len(changed)), changed))
         noise = 4.5 * np.std(old, ddof=1) * np.sqrt(1 / 16 + 1 / 64)
         found[kpi.name] = ((np.mean(new) - np.mean(old)) / kpi.tolerance, noise / kpi.tolerance)
     return found
@@ -292,9 +296,17 @@ def changes(name: str, changed: list[SeedMeasurement]) -> dict[str, tuple[float,
 
 @pytest.mark.parametrize("name", WITH_SURFACES)
 def test_chance_stays_within_the_tolerances(name):
-    # Six seeds know the scatter to a third only; the gate itself refuses a golden that is too coarse.
-    for kpi, (_, noise) in changes(name, baseline(name)).items():
-        assert noise < 1.4, kpi
+    """What six seeds do not show to be within is measured with thirty.
+
+    Of a KPI whose chance is just the tolerance (the most has 1.05 of it, by 246 seeds), thirty seeds say more than 1.4
+    tolerances about once in 700 times, six once in 12; the gate itself refuses a golden that is too coarse.
+    """
+    for seeds, limit in ((SEEDS, 1.0), (MANY_SEEDS, 1.4)):
+        noise = {kpi: noise for kpi, (_, noise) in changes(name, baseline(name, seeds)).items()}
+        beyond = {kpi: value for kpi, value in noise.items() if not value < limit}
+        if not beyond:
+            return
+    assert not beyond
 
 
 @pytest.mark.parametrize("name", OF_STRENGTH)
@@ -306,12 +318,12 @@ def test_three_percent_more_signal_is_seen_by_several_kpis(name):
     assert len(seen) >= 3, seen
 
 
-def altered(name: str, monkeypatch: pytest.MonkeyPatch, alter) -> dict[str, tuple[float, float]]:
+def altered(name: str, monkeypatch: pytest.MonkeyPatch, alter, seeds: int = SEEDS) -> dict[str, tuple[float, float]]:
     """The changes when the simulated echoes are altered."""
-    baseline(name)
+    baseline(name, seeds)
     monkeypatch.setattr(measuring, "simulate", lambda *args, **more: alter(simulate(*args, **more)))
     scenario = shipped(name)
-    return changes(name, [measure(scenario, scenario.model, 2000 + seed) for seed in range(SEEDS)])
+    return changes(name, [measure(scenario, scenario.model, 2000 + seed) for seed in range(seeds)])
 
 
 @pytest.mark.parametrize("name", ["range_sweep_SMART", "range_sweep_SLIM", "lab_panels_SMART", "lab_panels_SLIM"])
@@ -320,7 +332,7 @@ def test_two_millimetres_are_seen(name, monkeypatch):
         stretch = 1.0 + 0.002 / scan.range_m
         return replace(scan, x_m=scan.x_m * stretch, y_m=scan.y_m * stretch, z_m=scan.z_m * stretch)
 
-    found = altered(name, monkeypatch, farther)
+    found = altered(name, monkeypatch, farther, MANY_SEEDS)
     seen = [kpi for kpi, (change, noise) in found.items() if "residual" in kpi and change > 1.0 + noise]
     assert seen
 

@@ -158,7 +158,10 @@ def test_a_run_along_a_border_is_found_whatever_its_beams_see() -> None:
 
 @pytest.mark.parametrize(("point", "as_far"), [(LEFT_POINT, False), (INNER_POINT, True)])
 def test_along_edges_nothing_is_far_that_a_part_of_a_beam_decides(point: int, as_far: bool) -> None:
-    """A column at the panel's border that reads a metre less: any angle may do that there, none inside the panel."""
+    """A column at the panel's border that reads a metre less: any angle may do that there, none inside the panel.
+
+    Of the distance, 0.4 to 0.7 is left inside the panel and at most 0.2 at its border, in twelve seeds each.
+    """
     simulator = lab_of(street(0, **WHERE))
     shown = np.zeros((1, len(simulator.measured)))
     off = simulator.measured_observations.feature.copy()
@@ -169,4 +172,4 @@ def test_along_edges_nothing_is_far_that_a_part_of_a_beam_decides(point: int, as
     plain = simulator.distance(shown) - simulator.floor_distance
     along = simulator.distance(shown, metric=simulator.along_edges(simulator.model, 800)) - simulator.floor_distance
     assert plain > 50.0
-    assert (along > 0.6 * plain) == as_far
+    assert (along > 0.3 * plain) == as_far
