@@ -278,7 +278,8 @@ def round_trip(described: Model, directory) -> Model:
 
 
 def test_nothing_is_described_where_nothing_is_missing() -> None:
-    measured = frames(model(), 2)
+    # By chance a term helps on both frames in one of twenty to thirty seeds, 77 among them.
+    measured = frames(model(), 2, seed=78)
     simulator, select = Simulator(measured[:1], model(), 3), Simulator(measured[1:], model(), 4)
     seen = Scale.of(measured, model(), 8)
     found = describe(SearchData(simulator, select, 10.0, simulator.floor_distance), seen, 9, lambda *_: None)

@@ -408,5 +408,7 @@ def test_an_effect_that_usual_errors_have_made_up_for_is_also_fitted_before_thes
     held = fit(bench.simulator, [probe], [probe.start()], rounds=3, nuisance=first.nuisance)
     found, *_ = tried(bench.simulator, bench.select, first, select_shown(bench.select, first), 10.0, probe)
     assert found.distance < held.distance
-    assert found.nuisance.penalty < 1.0
-    assert found.effects()[0].settings()["gain"] == pytest.approx(1.13, abs=0.02)
+    assert found.nuisance.penalty < 0.3 * first.nuisance.penalty
+    # With another seed of the frames the gain is 0.013 off, as a standard deviation; held, it is 0.09 too small.
+    assert held.effects()[0].settings()["gain"] < 1.09
+    assert found.effects()[0].settings()["gain"] == pytest.approx(1.13, abs=0.04)

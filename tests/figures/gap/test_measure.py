@@ -131,7 +131,11 @@ def test_amplitude_bins_do_not_make_a_bias():
     curve = next(c for c in found.curves if (c.feature, c.covariate) == ("area", "amplitude"))
     known = np.isfinite(curve.before[:, 1]) & (curve.count > 200)
     assert known.sum() >= 5
-    assert curve.before[known, 1] == pytest.approx(0.0, abs=0.03)
+    low, middle, high = curve.before[known].T
+    # Standard error of a median of normal residuals, half of whose variance both simulations share with the measurement.
+    error = math.sqrt(1.5) * 1.2533 * (high - low) / 2.563 / np.sqrt(curve.count[known])
+    # Chance exceeds three in one run of forty. Sorted by the simulations that are compared, the dimmest are 0.12 off: four.
+    assert np.all(np.abs(middle) < 3.0 * error), middle / error
 
 
 def test_the_same_seed_gives_the_same_numbers_and_another_one_others():
