@@ -154,7 +154,8 @@ def test_a_blocked_patch_is_read_off_line_by_line(transmission: float) -> None:
     dirt = make("blockage", {"transmission": transmission, "soft_edge_deg": 0.0, **place})
     how = {"layers": range(230, 270), "points": range(400, 480)}
     found = [p.settings for p in located_probes(Simulator(frames(model(dirt), 2, **how), model(), 5), ["blockage"])]
-    assert all(abs(found[0][name] - value) <= 1 for name, value in place.items()), found[0]
+    # One border is two lines off with one of twenty seeds; strips alone are four lines off and more in all.
+    assert sum(abs(found[0][name] - value) for name, value in place.items()) <= 2, found[0]
     nearest = min((one["transmission"] for one in found[:2]), key=lambda t: abs(np.log(t / transmission)))
     assert nearest == pytest.approx(transmission, rel=0.35)
 

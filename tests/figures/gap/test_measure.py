@@ -132,9 +132,9 @@ def test_amplitude_bins_do_not_make_a_bias():
     known = np.isfinite(curve.before[:, 1]) & (curve.count > 200)
     assert known.sum() >= 5
     low, middle, high = curve.before[known].T
-    # Standard error of a median of normal residuals, half of whose variance both simulations share with the measurement.
+    # Standard error of a median of normal residuals; half of their variance is the measurement's, in both simulations.
     error = math.sqrt(1.5) * 1.2533 * (high - low) / 2.563 / np.sqrt(curve.count[known])
-    # Chance exceeds three in one run of forty. Sorted by the simulations that are compared, the dimmest are 0.12 off: four.
+    # Chance exceeds three in one run of forty; sorted by the echoes that are compared, the dimmest are four off.
     assert np.all(np.abs(middle) < 3.0 * error), middle / error
 
 
