@@ -86,7 +86,7 @@ class Trails(NamedTuple):
 
     rates: FloatArray
     counts: ShortArray
-    back: FloatArray
+    back: ShortArray
     room: int
     outside: npt.NDArray[np.int32]
     pending: IndexArray
@@ -137,7 +137,7 @@ def new_after(numbers: Numbers, law: Law) -> After:
     trails = Trails(
         chain.group.rates,
         chain.group.counts,
-        np.zeros((numbers.bins + numbers.dead + 1) * LANES),
+        np.zeros((numbers.bins + numbers.dead + 1) * LANES, dtype=np.int16),
         room,
         np.zeros(room * LANES, dtype=np.int32),
         np.zeros((law.warm_up + numbers.bins) // numbers.dead + 3, dtype=np.int64),

@@ -22,6 +22,10 @@ from lidarcheck.model.streams import Stream
 __all__ = ["simulate_beams", "simulate_chunk"]
 
 
+_MOST_PAIRS = 2.0
+"""Expected crowded neighbours of a beam above which to visit all bins is the faster way."""
+
+
 @kernel
 def simulate_beams(
     numbers: Numbers,
@@ -45,7 +49,7 @@ def simulate_beams(
             beam: Any = np.uint64(order[at])
             at += 1
             begin, end = window_of(numbers, law, pulses, beam)
-            if blocks.crowded[0]:
+            if blocks.pairs[0] > _MOST_PAIRS:
                 begin, end = 0, numbers.bins
             group.beam[held], group.begin[held], group.length[held] = beam, begin, end - begin
             held += 1

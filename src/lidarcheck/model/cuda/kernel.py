@@ -34,7 +34,7 @@ def simulate_beams(
     counter[2] = frame
     counter[3] = 0
     own = Blocks(
-        blocks.length, blocks.small, blocks.above, blocks.log_small, held[:, t], cells[:, t], blocks.crowded,
+        blocks.length, blocks.small, blocks.above, blocks.log_small, held[:, t], cells[:, t], blocks.pairs,
         blocks.rate, blocks.calm,
     )  # fmt: skip
     scratch = Scratch(counts[:, t], rates[:, t], draws[:, t], inverse, own, group)

@@ -23,7 +23,7 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.jit import inlined, kernel
-from lidarcheck.model.exact.blocks import Blocks, count, count_small
+from lidarcheck.model.exact.blocks import Blocks, count, count_large, count_small
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_rates
 from lidarcheck.model.lane_math import fired, log
@@ -96,7 +96,7 @@ def _search(
             skip(stream, 3)
         else:
             fill_four(stream, draws)
-            now = count(blocks, blocks.above[blocks.small] * (1.0 - draws[1]) if far else 1.0 - draws[0])
+            now = count_large(blocks, draws[1]) if far else count(blocks, 1.0 - draws[0])
             if small > 0:
                 # What a small block holds is looked up where it can matter.
                 before = count_small(blocks, draws[0]) if record or now > most_beside else blocks.small
@@ -155,10 +155,13 @@ def place(
 ) -> None:
     """Spread `held` candidates over the distinct cells of a block; they stand in `counts` until thinned."""
     cells = numbers.detectors * blocks.length
-    taken = 0
+    taken, drawn = 0, 4
     while taken < held:
-        fill_four(stream, draws)
-        cell = int(draws[0] * cells)
+        if drawn == 4:
+            fill_four(stream, draws)
+            drawn = 0
+        cell = int(draws[drawn] * cells)
+        drawn += 1
         fresh = True
         for j in range(taken):
             fresh = fresh and blocks.cells[j] != cell
@@ -186,8 +189,8 @@ def thin(
 
     `pool`: detectors whose avalanches stand in `counts`; those that candidates strike of the others count elsewhere.
 
-    Where the rate is lower than the candidates', it keeps them with the ratio of the chances. `rates` (bins,): of each
-    bin; beyond the trace, it is `per_bin`.
+    Where the rate is lower than the candidates', it keeps them with the ratio of the chances. `rates`: of each bin from
+    bin 0 on; elsewhere, it is `per_bin`.
     """
     for n in range(number):
         index = numbers.pad + first + step * n
@@ -198,7 +201,7 @@ def thin(
         for age in range(1, numbers.dead):
             armed -= counts[index - step * age]
         bin_ = first + step * n
-        rate = rates[bin_] if 0 <= bin_ < numbers.bins else per_bin
+        rate = rates[bin_] if 0 <= bin_ < len(rates) else per_bin
         accepted = 1.0 if rate == blocks.rate[0] else fired(rate) / fired(blocks.rate[0])
         if candidates <= 4:
             fill_four(stream, draws)

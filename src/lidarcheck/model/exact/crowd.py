@@ -1,9 +1,10 @@
 """Crowded background looked up where it is crowded, not all over the trace.
 
-Whether a candidate counts depends on what its detector did within a dead time before it, and a stretch of a dead time
-without any candidate leaves all detectors armed, whatever came before. So the candidates of a crowded pair of blocks
-are thinned from the nearest such stretch on; where there is none, from the window on. "Before" is meant in the order in
-which candidates are thinned: away from the window, on either side of it (`background.py`).
+Few crowded pairs of blocks have an echo: often its candidates, placed, are spread too widely for any bin to see enough
+of them. For the others, whether a candidate counts depends on what its detector did within a dead time before it, and a
+stretch of a dead time without any candidate leaves all detectors armed, whatever came before. So the candidates of such
+a pair are thinned from the nearest such stretch on; where there is none, from the window on. "Before" is meant in the
+order in which candidates are thinned: away from the window, on either side of it (`background.py`).
 """
 
 from __future__ import annotations
@@ -20,18 +21,10 @@ from lidarcheck.model.exact.echoes import EchoArrays, add_echoes
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.streams import Stream, fill_four
 
-__all__ = ["find_locally", "is_local"]
+__all__ = ["find_locally"]
 
-_RARE = 1.5e-3
-"""Share of blocks that are not small up to which whole traces are looked at: so few beams have crowded ones."""
 _PLACED, _THINNED = -3, -4
 """Blocks whose candidates stand in the trace, and those of which the ones that count are left."""
-
-
-@inlined
-def is_local(blocks: Blocks, faint: float) -> bool:
-    """Whether crowded blocks are looked up where they are: under the sun, without haze."""
-    return blocks.log_small[0] < -_RARE and faint == 0.0
 
 
 @kernel
@@ -59,13 +52,11 @@ def find_locally(
     before, behind = dead_at_begin if begin > 0 else 0, on_at_end if end < numbers.bins else 0
     bg.search(blocks, stream, draws, draw_before, np.int64(0), back, before, numbers.threshold, True)
     bg.search(blocks, stream, draws, draw_behind, back, last, behind, numbers.threshold, True)
-    rates[:] = blocks.rate[0]
-    _settle(
-        numbers, blocks, stream, draws, np.int64(0), back, before, begin - numbers.dead, np.int64(-1), rates, counts
-    )
+    gap = begin - numbers.dead
+    _settle(numbers, blocks, stream, draws, np.int64(0), back, before, gap, np.int64(-1), rates, counts)
     _settle(numbers, blocks, stream, draws, back, last, behind, end, np.int64(1), rates, counts)
     echoes.held[i] = 0
-    step, gap = blocks.length, begin - numbers.dead
+    step = blocks.length
     low: Any = np.int64(0)
     open_ = False
     for j in range(back - 1, -1, -1):
@@ -86,7 +77,11 @@ def find_locally(
             open_ = False
     if open_ or last == back:
         add_echoes(numbers, counts, low, high, i, echoes)
-    counts[:] = 0
+    counts[numbers.pad + gap : numbers.pad + end] = 0
+    for j in range(last):
+        if blocks.held[j] <= _PLACED:
+            first: Any = numbers.pad + (gap - (j + 1) * step + 1 if j < back else end + (j - back) * step)
+            counts[first : first + step] = 0
 
 
 @kernel
@@ -116,6 +111,9 @@ def _settle(
             start = max(j - 1, done)
             for block in range(start, j + 1):
                 _put(numbers, blocks, stream, draws, block, origin + step * (block - first) * length, step, counts)
+            before, at = now, origin + step * (start - first) * length
+            if not _stands_out(numbers, counts, at, step, (j + 1 - start) * length):
+                continue
             while start > done:
                 for block in range(max(start - reach, done), start):
                     _put(numbers, blocks, stream, draws, block, origin + step * (block - first) * length, step, counts)
@@ -128,10 +126,27 @@ def _settle(
                 start -= 1
             bins = (j + 1 - start) * length
             at = origin + step * (start - first) * length
-            bg.thin(numbers, blocks, stream, draws, at, bins, step, blocks.rate[0], rates, numbers.detectors, counts)
+            alike = rates[:0]
+            bg.thin(numbers, blocks, stream, draws, at, bins, step, blocks.rate[0], alike, numbers.detectors, counts)
             held[start : j + 1] = _THINNED
             done = j + 1
         before = now
+
+
+@inlined
+def _stands_out(numbers: Numbers, counts: IndexArray, at: Any, step: Any, bins: int) -> bool:
+    """Whether a bin can see more detectors ON than the threshold, of `bins` bins from `at` on in the direction of
+    `step` and what stands before them."""
+    on = 0
+    for age in range(1, numbers.on):
+        on += counts[numbers.pad + at - step * age]
+    most = 0
+    for k in range(bins):
+        index = numbers.pad + at + step * k
+        on += counts[index]
+        most = max(most, on)
+        on -= counts[index - step * (numbers.on - 1)]
+    return most > numbers.threshold
 
 
 @inlined

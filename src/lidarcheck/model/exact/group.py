@@ -10,7 +10,7 @@ import numpy.typing as npt
 from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.exact import background as bg
 from lidarcheck.model.exact.abreast import Abreast, draw_entry, find_abreast, last_on, run_abreast
-from lidarcheck.model.exact.crowd import find_locally, is_local
+from lidarcheck.model.exact.crowd import find_locally
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_pulses
@@ -135,7 +135,7 @@ def _look_closer(
     before, behind = group.draws[(RESERVE - 2) * LANES + lane], group.draws[(RESERVE - 1) * LANES + lane]
     _rewind_lane(group, stream, lane)
     dead, draws = group.dead[lane], scratch.draws
-    if is_local(scratch.blocks, level.faint):
+    if level.faint == 0.0:
         _copy(numbers, lane, scratch)
         find_locally(
             numbers,
