@@ -18,21 +18,29 @@ from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.afterpulses.follow import follow_before, follow_behind, leave
 from lidarcheck.model.afterpulses.law import BEGIN, END, POINTS, After, Law, Level, gap
 from lidarcheck.model.afterpulses.outside import is_quiet, look_around
-from lidarcheck.model.exact.abreast import ARMED, COUNT, RESERVE, draw_counts, find_abreast, last_on
+from lidarcheck.model.exact.abreast import (
+    ARMED,
+    COUNT,
+    FEW,
+    RESERVE,
+    draw_counts,
+    draw_windows,
+    find_abreast,
+    last_on,
+    put_rates,
+)
 from lidarcheck.model.exact.binomial import binomial
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import Numbers
-from lidarcheck.model.exact.pulses import Pulses, add_pulses
+from lidarcheck.model.exact.pulses import Pulses
 from lidarcheck.model.exact.single import place_dead
 from lidarcheck.model.lane_draws import begin_draws, secondary
 from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.rows import add_row, spend_row, take_row
-from lidarcheck.model.streams import Stream, fill_twice, fill_twice_abreast, rewind, skip
+from lidarcheck.model.streams import Stream, rewind, skip
 
 __all__ = ["simulate_group"]
 
-_FEW = 8
-"""Beams fewer than which are faster one by one."""
 _LANES: Any = np.uint64(LANES)
 _FIRST = np.uint64(0)
 _FIRST_DRAW: Any = np.uint64(RESERVE * LANES)
@@ -56,18 +64,11 @@ def simulate_group(
     for lane in range(held):
         group.key[lane] = beams[np.uint64(group.beam[lane])]
         bins = max(bins, group.length[lane])
-    _draw(stream, bins, held, after)
+    draw_windows(stream, group, bins, held, after.chain.draws)
     _enter(numbers, law, level, stream, held, after)
-    group.rates[: bins * LANES] = level.per_bin
-    for lane in range(LANES):
-        if lane < held:
-            begin, end = group.begin[lane], group.begin[lane] + group.length[lane]
-            i: Any = np.uint64(group.beam[lane])
-            add_pulses(pulses, i, begin, end, group.rates, lane, LANES)
-        for k in range(group.length[lane] if lane < held else 0, bins):
-            group.rates[k * LANES + lane] = 0.0
+    put_rates(pulses, group, level.per_bin, bins, held)
     _before(numbers, law, level, stream, held, after)
-    if held < _FEW:
+    if held < FEW:
         _run_few(numbers, law, level, stream, bins, held, after)
     else:
         _run(numbers, law, level, stream, bins, held, after)
@@ -76,20 +77,6 @@ def simulate_group(
     _finish(numbers, law, level, stream, held, after, echoes)
     group.counts[: (numbers.dead + bins) * LANES] = 0
     after.trails.back[: (numbers.dead + bins) * LANES] = 0
-
-
-@inlined
-def _draw(stream: Stream, bins: int, held: int, after: After) -> None:
-    """The draws of the first stream for all lanes, as the exact chain has them."""
-    group, draws = after.chain.group, after.chain.draws
-    if held >= _FEW:
-        fill_twice_abreast(stream, group.key, (RESERVE + bins + 7) // 8, group.words, group.draws)
-    else:
-        for lane in range(held):
-            rewind(stream, group.key[lane])
-            fill_twice(stream, draws, RESERVE + bins)
-            for k in range(RESERVE + bins):
-                group.draws[k * LANES + lane] = draws[k]
 
 
 @kernel

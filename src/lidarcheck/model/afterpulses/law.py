@@ -153,7 +153,7 @@ def _most_outside(numbers: Numbers) -> int:
     return numbers.detectors * ((numbers.bins + numbers.pad) // numbers.dead + 2)
 
 
-def few_followed(per_bin: FloatArray, law: Law, numbers: Numbers) -> npt.NDArray[np.bool_]:
+def few_followed(numbers: Numbers, law: Law, per_bin: FloatArray) -> npt.NDArray[np.bool_]:
     """Whether background leaves so many detectors waiting for afterpulses, or fewer, that following these pays."""
     cells = numbers.detectors * (law.warm_up + numbers.bins)
     return np.asarray(law.chance * per_bin * cells <= _MOST_FOLLOWED)
