@@ -23,9 +23,9 @@ _CROWDED_CALM = 1e-3
 class Blocks(NamedTuple):
     """Candidates per block of `length` bins. `above[c]`: probability of more than c; `small`: the most that two
     neighbours may each hold without being crowded; `log_small[0]`: logarithm of the probability that a block is small;
-    `pairs[0]`: crowded neighbours to expect in a trace, infinite where the tables cannot tell; `rate[0]`: the
-    candidates' rate per detector and bin;
-    `calm`: a rate up to which blocks settle almost every beam without a closer look.
+    `held`, `crowds`: what a search knows of each block, and which are the second of crowded neighbours; `pairs[0]`: how
+    many such are to be expected in a trace, infinite where the tables cannot tell; `rate[0]`: the candidates' rate per
+    detector and bin; `calm`: a rate up to which blocks settle almost every beam without a closer look.
     """
 
     length: int
@@ -33,6 +33,7 @@ class Blocks(NamedTuple):
     above: FloatArray
     log_small: FloatArray
     held: IndexArray
+    crowds: IndexArray
     cells: IndexArray
     pairs: FloatArray
     rate: FloatArray
@@ -47,6 +48,7 @@ def new_blocks(numbers: Numbers) -> Blocks:
         min(numbers.threshold // 2, _MOST),
         np.zeros(_MOST + 1),
         np.zeros(1),
+        np.zeros(numbers.bins // length + 4, dtype=np.int64),
         np.zeros(numbers.bins // length + 4, dtype=np.int64),
         np.zeros(_MOST + 1, dtype=np.int64),
         np.zeros(1),
