@@ -187,6 +187,8 @@ def find_abreast(numbers: Numbers, group: Abreast, bins: int, held: int, echoes:
         echoes.held[np.uint64(group.beam[lane])] = 0
     for k in range(leaving, window, _LANES):
         add_row(state, _ON, counts, k)
+    # A beam that nothing comes back to has no window: what background has left ON reaches into its first bins.
+    add_row(state, _LAST, state, _ON)
     pending = before = np.uint64(0)
     threshold = min(np.int64(numbers.threshold), np.int64(_MOST_THRESHOLD))
     for k in range(np.uint64(bins)):
@@ -224,6 +226,6 @@ def _keep_all(group: Abreast, mask: Any, echoes: EchoArrays) -> None:
 
 @inlined
 def last_on(numbers: Numbers, group: Abreast, lane: int) -> int:
-    """Detectors ON in the last bin of a lane's window, 0 where it has none, as `find_abreast` has found them."""
+    """Detectors ON in the last bin of a lane's window, or still ON behind it where it has none; see `find_abreast`."""
     on: Any = np.int64(group.state[_LAST + np.uint64(lane)])
     return int(on)

@@ -70,7 +70,8 @@ def add_echoes(numbers: Numbers, counts: IndexArray, begin: int, end: int, beam:
     bins = end - begin
     first = np.uint64(numbers.pad + begin)
     leaving = np.uint64(numbers.pad + begin - numbers.on + 1)
-    width = area = peak = last = moment = 0
+    width = area = peak = moment = 0
+    last = on
     for j in range(np.uint64(bins)):
         on += counts[first + j]
         last = on
@@ -90,7 +91,7 @@ def add_echoes(numbers: Numbers, counts: IndexArray, begin: int, end: int, beam:
 def find_echoes(numbers: Numbers, counts: IndexArray, begin: int, end: int, beam: int, echoes: EchoArrays) -> int:
     """The beam's echoes, those of the bins `begin` ... `end - 1`: maximal runs with more than `threshold` detectors ON.
 
-    Returns the detectors ON in the last bin, 0 where there is none.
+    Returns the detectors ON in the last bin, or still ON in bin `begin` where there is none.
     """
     echoes.held[beam] = 0
     return add_echoes(numbers, counts, begin, end, beam, echoes)

@@ -145,7 +145,7 @@ def _finish(
     begin: Any = np.int64(0)
     end, dead = lanes.length[lane], lanes.dead[lane]
     on: Any = np.int64(0)
-    for age in range(numbers.on if end > 0 else 0):
+    for age in range(numbers.on if end > 0 else numbers.on - 1):
         on += np.int64(lanes.counts[(numbers.dead + end - 1 - age) * WIDE + lane])
     before, behind = lanes.reserve[(RESERVE - 2) * WIDE + lane], lanes.reserve[(RESERVE - 1) * WIDE + lane]
     if bg.is_plainly_quiet(numbers, blocks, before, behind, begin, end, dead, on):
