@@ -15,11 +15,11 @@ import numpy as np
 
 from lidarcheck.model import streams
 from lidarcheck.model.detection import chain_echoes
-from lidarcheck.model.detectors.array import detectors_of
-from lidarcheck.model.detectors.simulate import simulate_chunk
+from lidarcheck.model.detectors.simulate import way
 from lidarcheck.model.exact.echoes import new_echoes
 from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.exact.pulses import pulses_of
+from lidarcheck.model.way import Spaces
 from lidarcheck.scan import Light
 from lidarcheck.sensor import NonIdeal, Sensor, SpadArray
 
@@ -51,8 +51,8 @@ def followed(light: Light, sensor: SpadArray) -> None:
     numbers = numbers_of(sensor)
     keys, per_bin = streams.beam_keys(light.layer, light.point), light.background_per_ns * sensor.bin_ns
     pulses, echoes = pulses_of(light, sensor, numbers), new_echoes(BEAMS, sensor.max_echoes)
-    stream, detectors = streams.new_stream(0, "spads"), detectors_of(sensor, numbers)
-    simulate_chunk(detectors, numbers, stream, keys, per_bin, pulses, np.arange(BEAMS), echoes)
+    every = Spaces(way(sensor, numbers))
+    every.simulate(numbers, streams.new_stream(0, "spads"), keys, per_bin, pulses, np.arange(BEAMS), echoes)
 
 
 def best_us(run: Callable[[], object], times: int = 3) -> float:

@@ -7,11 +7,11 @@ import numpy as np
 from scipy import stats
 
 from lidarcheck.model import streams
-from lidarcheck.model.detectors import array as detector_array
-from lidarcheck.model.detectors.simulate import simulate_chunk
+from lidarcheck.model.detectors.simulate import way
 from lidarcheck.model.exact.echoes import EchoArrays, new_echoes
 from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.exact.pulses import pulses_of
+from lidarcheck.model.way import Spaces
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, NonIdeal, Sensor
 
@@ -45,14 +45,14 @@ def follow(
 ) -> EchoArrays:
     """The echoes of all beams, chunk by chunk."""
     numbers = numbers_of(sensor)
-    detectors, pulses = detector_array.detectors_of(sensor, numbers), pulses_of(beams, sensor, numbers)
+    spaces, pulses = Spaces(way(sensor, numbers)), pulses_of(beams, sensor, numbers)
     echoes = new_echoes(len(beams), sensor.max_echoes)
     keys, per_bin = streams.beam_keys(beams.layer, beams.point), beams.background_per_ns * sensor.bin_ns
 
     def run(start: int) -> None:
         stream = streams.new_stream(seed, "spads", frame)
         order = np.arange(start, min(start + chunk, len(beams)))
-        simulate_chunk(detectors, numbers, stream, keys, per_bin, pulses, order, echoes)
+        spaces.simulate(numbers, stream, keys, per_bin, pulses, order, echoes)
 
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(run, range(0, len(beams), chunk)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +15,7 @@ from lidarcheck.model.exact.numbers import Numbers, numbers_of
 from lidarcheck.model.exact.pulses import pulses_of
 from lidarcheck.model.fidelity import Device
 from lidarcheck.model.sharing import Progress, share
+from lidarcheck.model.way import Spaces, Way
 from lidarcheck.scan import Light
 from lidarcheck.sensor import SpadArray
 
@@ -51,23 +51,14 @@ def chain_echoes(
         simulate_on_cuda(numbers, streams.new_stream(seed, "spads", frame), beams, per_bin, pulses, order, echoes)
         return echoes
 
-    follow = _follower(sensor, numbers, light) if sensor.nonideal.any else None
+    spaces = Spaces(*_ways(sensor, numbers, light))
     chunks = _chunks(sensor, light, order, seed, frame)
     beams_done = np.cumsum([len(rows) for _, rows in chunks])
-    idle: dict[int, list[kernel.Scratch]] = {threshold: [] for threshold, _ in chunks}
 
     def run(chunk: int) -> None:
         threshold, rows = chunks[chunk]
-        asked, stream = numbers._replace(threshold=threshold), streams.new_stream(seed, "spads", frame)
-        if follow is not None:
-            follow(asked, stream, beams, per_bin, pulses, rows, echoes)
-            return
-        try:
-            scratch = idle[threshold].pop()
-        except IndexError:
-            scratch = kernel.new_scratch(asked)
-        kernel.simulate_beams(asked, stream, beams, per_bin, pulses, rows, scratch, echoes)
-        idle[threshold].append(scratch)
+        stream = streams.new_stream(seed, "spads", frame)
+        spaces.simulate(numbers._replace(threshold=threshold), stream, beams, per_bin, pulses, rows, echoes)
 
     share(run, range(len(chunks)), threads, lambda done: progress and progress(int(beams_done[done - 1]), n))
     return echoes
@@ -93,19 +84,13 @@ def _refuse_disturbed(sensor: SpadArray) -> None:
         raise UsageError("a threshold between two whole numbers is not simulated on a GPU", fix="use the device cpu")
 
 
-def _follower(sensor: SpadArray, numbers: Numbers, light: Light) -> Callable[..., None]:
-    """`simulate_chunk` for SPADs that disturb each other or themselves: counted where one thing alone does so, else
-    one by one."""
-    from lidarcheck.model.afterpulses import law as afterpulses
-    from lidarcheck.model.afterpulses.simulate import simulate_chunk as with_afterpulses
-    from lidarcheck.model.clusters import law as clusters
-    from lidarcheck.model.clusters.simulate import simulate_chunk as with_clusters
-    from lidarcheck.model.detectors import simulate as detectors
-    from lidarcheck.model.detectors.array import detectors_of
+def _ways(sensor: SpadArray, numbers: Numbers, light: Light) -> list[Way]:
+    """SPADs that disturb each other or themselves are counted where one thing alone does so, else followed singly."""
+    if not sensor.nonideal.any:
+        return [Way((), kernel.new_scratch, kernel.simulate_beams)]
+    from lidarcheck.model.afterpulses import simulate as afterpulses
+    from lidarcheck.model.clusters import simulate as clusters
+    from lidarcheck.model.detectors import simulate as one_by_one
 
-    one_by_one = functools.partial(detectors.simulate_chunk, detectors_of(sensor, numbers))
-    if afterpulses.can_count(sensor, numbers, light):
-        return functools.partial(with_afterpulses, afterpulses.law_of(sensor, numbers), one_by_one, {})
-    if clusters.can_count(sensor, numbers, light):
-        return functools.partial(with_clusters, clusters.law_of(sensor, numbers), one_by_one, {})
-    return one_by_one
+    counted = [way for way in (afterpulses.way(sensor, numbers, light), clusters.way(sensor, numbers, light)) if way]
+    return [*counted, one_by_one.way(sensor, numbers)]

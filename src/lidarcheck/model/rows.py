@@ -25,6 +25,7 @@ __all__ = [
     "on_row",
     "open_row",
     "reaching_row",
+    "spend_row",
     "take_row",
 ]
 
@@ -106,6 +107,18 @@ def _add_row(typing_context: Any, to: Any, first: Any, more: Any, more_first: An
 def _take_row(typing_context: Any, of: Any, first: Any, less: Any, less_first: Any) -> Any:
     """Subtract a row of 16-bit numbers from another one."""
     return _summed("sub", of, less)
+
+
+def _spend_row(typing_context: Any, left: Any, first: Any, fired: Any, fired_first: Any) -> Any:
+    """Subtract a row of 16-bit numbers from a row in double precision; the lanes whose number falls below 0."""
+
+    def codegen(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        rows, zero = _Rows(context, builder, signature, given), ir.Constant(ir.VectorType(_REAL, LANES), None)
+        now = builder.fsub(rows.load(0, _REAL), builder.sitofp(rows.load(2, _SHORT), zero.type))
+        rows.store(now, 0, _REAL)
+        return rows.mask(builder.fcmp_ordered("<", now, zero))
+
+    return _INDEX(left, _INDEX, fired, _INDEX), codegen
 
 
 def _fire_row(typing_context: Any, armed: Any, first: Any, fired: Any, fired_first: Any, to: Any, to_first: Any) -> Any:
@@ -196,6 +209,7 @@ clear_row: Any = intrinsic(_clear_row)
 add_row: Any = intrinsic(_add_row)
 take_row: Any = intrinsic(_take_row)
 fire_row: Any = intrinsic(_fire_row)
+spend_row: Any = intrinsic(_spend_row)
 open_row: Any = intrinsic(_open_row)
 reaching_row: Any = intrinsic(_reaching_row)
 on_row: Any = intrinsic(_on_row)

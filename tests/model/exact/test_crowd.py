@@ -11,7 +11,7 @@ from lidarcheck.model import detection
 from lidarcheck.model.detection import chain_echoes
 from lidarcheck.model.exact import kernel
 from lidarcheck.model.exact.blocks import tabulate
-from lidarcheck.model.exact.crowd import is_local
+from lidarcheck.model.exact.long_alone import crowded
 from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.scan import light_of_beams
 from lidarcheck.sensor import Sensor
@@ -29,7 +29,7 @@ def local(sensor: Sensor, background: float) -> bool:
     numbers = numbers_of(sensor)  # type: ignore[arg-type]
     blocks = kernel.new_scratch(numbers).blocks
     tabulate(blocks, numbers.detectors, numbers.threshold, background)
-    return bool(is_local(blocks, 0.0)) and not blocks.crowded[0]
+    return not crowded(blocks)
 
 
 @pytest.mark.parametrize(("variant", "background", "overrides", "signal"), CASES)
@@ -71,10 +71,3 @@ def test_a_beam_has_the_same_echoes_in_any_company(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(detection, "_CHUNK", 37)
     again = chain_echoes(beams, sensor, seed=2, threads=2)  # type: ignore[arg-type]
     assert np.array_equal(again.held, together.held)
-
-
-def test_the_sensors_own_background_is_looked_at_as_before() -> None:
-    """Draws of frames without sun do not change: their goldens stay as they are."""
-    for variant in ("SMART", "SLIM"):
-        sensor = Sensor.of(variant)
-        assert not local(sensor, sensor.background_per_ns * sensor.bin_ns)  # type: ignore[attr-defined]

@@ -16,6 +16,7 @@ from lidarcheck.jit import kernel
 from lidarcheck.model import streams
 from lidarcheck.model.exact.binomial import binomial, inverses
 from lidarcheck.model.exact.haze_rates import haze_end
+from lidarcheck.model.exact.long_alone import crowded
 from lidarcheck.model.exact.numbers import Numbers, numbers_of
 from lidarcheck.model.exact.pulses import Pulses, add_rates, pulse_window, pulses_of
 from lidarcheck.model.exact.single import Scratch, level_of, new_scratch
@@ -85,7 +86,7 @@ def _count(
         if hazy > 0:
             begin = pulses.haze.begin if end == 0 else min(begin, pulses.haze.begin)
             end = max(end, hazy)
-        if scratch.blocks.crowded[0]:
+        if crowded(scratch.blocks):
             begin, end = 0, numbers.bins
         found[0] += max(end - begin, 0)
         scratch.rates[:] = 0.0

@@ -79,7 +79,7 @@ def _follow(
         last = armed_from - numbers.dead
         early = returns and waiting == 0 and last < begin
         if returns and waiting == 0 and last < end and (not early or armed_from >= begin):
-            trails.back[(armed_from - begin) * LANES + lane] += 1.0
+            trails.back[(armed_from - begin) * LANES + lane] += 1
             return
         until = begin if early else soonest
         bin_, clock = _run_down(level, trails, lane, clock, armed_from, until)
@@ -87,7 +87,7 @@ def _follow(
             clock = waiting_time(stream, trails, lane)
         elif waiting == 0:
             if early:
-                trails.back[lane] += 1.0
+                trails.back[lane] += 1
             return
         record(numbers, trails, lane, bin_)
         armed_from = bin_ + numbers.dead
@@ -111,7 +111,7 @@ def leave(
     any of the lanes `first` ... `last - 1`."""
     for lane in range(first, last):
         while left[lane] < 0.0:
-            trails.back[(k + numbers.dead) * LANES + lane] -= 1.0
+            trails.back[(k + numbers.dead) * LANES + lane] -= 1
             armed_from = trails.state[BEGIN + lane] + k + numbers.dead
             waiting = due(numbers, law, stream, trails, lane, armed_from, np.int64(0))
             _follow(numbers, law, level, stream, trails, lane, armed_from, waiting, True)
@@ -165,7 +165,7 @@ def _picked(numbers: Numbers, trails: Trails, lane: int, place: float) -> int:
     for later in range(1, numbers.dead):
         at = (row + later) * LANES + lane
         if place < trails.back[at]:
-            trails.back[at] -= 1.0
+            trails.back[at] -= 1
             return int(end) + later
         place -= trails.back[at]
     return int(end)

@@ -18,21 +18,31 @@ from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.afterpulses.follow import follow_before, follow_behind, leave
 from lidarcheck.model.afterpulses.law import BEGIN, END, POINTS, After, Law, Level, gap
 from lidarcheck.model.afterpulses.outside import is_quiet, look_around
-from lidarcheck.model.exact.abreast import ARMED, COUNT, RESERVE, draw_counts, find_abreast, last_on
+from lidarcheck.model.exact.abreast import (
+    ARMED,
+    COUNT,
+    FEW,
+    RESERVE,
+    draw_counts,
+    draw_windows,
+    find_abreast,
+    last_on,
+    put_rates,
+)
 from lidarcheck.model.exact.binomial import binomial
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import Numbers
-from lidarcheck.model.exact.pulses import Pulses, add_pulses
+from lidarcheck.model.exact.pulses import Pulses
 from lidarcheck.model.exact.single import place_dead
 from lidarcheck.model.lane_draws import begin_draws, secondary
 from lidarcheck.model.lane_math import LANES
-from lidarcheck.model.streams import Stream, fill_twice, fill_twice_abreast, rewind, skip
+from lidarcheck.model.rows import add_row, spend_row, take_row
+from lidarcheck.model.streams import Stream, rewind, skip
 
 __all__ = ["simulate_group"]
 
-_FEW = 8
-"""Beams fewer than which are faster one by one."""
 _LANES: Any = np.uint64(LANES)
+_FIRST = np.uint64(0)
 _FIRST_DRAW: Any = np.uint64(RESERVE * LANES)
 
 
@@ -54,41 +64,19 @@ def simulate_group(
     for lane in range(held):
         group.key[lane] = beams[np.uint64(group.beam[lane])]
         bins = max(bins, group.length[lane])
-    _draw(stream, bins, held, after)
+    draw_windows(stream, group, bins, held, after.chain.draws)
     _enter(numbers, law, level, stream, held, after)
-    group.rates[: bins * LANES] = level.per_bin
-    for lane in range(LANES):
-        if lane < held:
-            begin, end = group.begin[lane], group.begin[lane] + group.length[lane]
-            i: Any = np.uint64(group.beam[lane])
-            add_pulses(pulses, i, begin, end, group.rates, lane, LANES)
-        for k in range(group.length[lane] if lane < held else 0, bins):
-            group.rates[k * LANES + lane] = 0.0
+    put_rates(pulses, group, level.per_bin, bins, held)
     _before(numbers, law, level, stream, held, after)
-    if held < _FEW:
+    if held < FEW:
         _run_few(numbers, law, level, stream, bins, held, after)
     else:
         _run(numbers, law, level, stream, bins, held, after)
-    for lane in range(held):
-        after.later[lane] = _pool_at_end(numbers, bins, lane, after)
+    _close(numbers, bins, held, after)
     find_abreast(numbers, group, bins, held, echoes)
     _finish(numbers, law, level, stream, held, after, echoes)
     group.counts[: (numbers.dead + bins) * LANES] = 0
-    after.trails.back[: (numbers.dead + bins) * LANES] = 0.0
-
-
-@inlined
-def _draw(stream: Stream, bins: int, held: int, after: After) -> None:
-    """The draws of the first stream for all lanes, as the exact chain has them."""
-    group, draws = after.chain.group, after.chain.draws
-    if held >= _FEW:
-        fill_twice_abreast(stream, group.key, (RESERVE + bins + 7) // 8, group.words, group.draws)
-    else:
-        for lane in range(held):
-            rewind(stream, group.key[lane])
-            fill_twice(stream, draws, RESERVE + bins)
-            for k in range(RESERVE + bins):
-                group.draws[k * LANES + lane] = draws[k]
+    after.trails.back[: (numbers.dead + bins) * LANES] = 0
 
 
 @kernel
@@ -119,7 +107,7 @@ def _enter(numbers: Numbers, law: Law, level: Level, stream: Stream, held: int, 
                 chain.counts[numbers.pad - age] = 0
         group.block[lane] = stream.counter[0]
     for lane in range(held, LANES):
-        group.state[ARMED + np.uint64(lane)] = 0.0
+        group.state[ARMED + np.uint64(lane)] = 0
         after.left[lane] = 0.0
 
 
@@ -137,12 +125,14 @@ def _before(numbers: Numbers, law: Law, level: Level, stream: Stream, held: int,
 
 
 @inlined
-def _pool_at_end(numbers: Numbers, bins: int, lane: int, after: After) -> int:
-    """Detectors that are not followed when a lane's window has ended: those armed and those armed again later."""
-    pool = after.chain.group.state[ARMED + np.uint64(lane)]
-    for k in range(bins, bins + numbers.dead):
-        pool += after.trails.back[k * LANES + lane]
-    return int(pool)
+def _close(numbers: Numbers, bins: int, held: int, after: After) -> None:
+    """Count the detectors of each lane that are not followed when its window has ended: those armed and those armed
+    again later."""
+    state, back = after.chain.group.state, after.trails.back
+    for k in range(np.uint64(bins), np.uint64(bins + numbers.dead)):
+        add_row(state, ARMED, back, k * _LANES)
+    for lane in range(held):
+        after.later[lane] = state[ARMED + np.uint64(lane)]
 
 
 @kernel
@@ -153,18 +143,12 @@ def _run(numbers: Numbers, law: Law, level: Level, stream: Stream, bins: int, he
     window = np.uint64(numbers.dead) * _LANES
     for k in range(np.uint64(bins)):
         bin_ = k * _LANES
-        for lane in range(_LANES):
-            state[ARMED + lane] += back[bin_ + lane]
+        add_row(state, ARMED, back, bin_)
         if draw_counts(group, bin_, _FIRST_DRAW + bin_, after.chain.inverse, numbers.detectors):
-            leaving = 0
-            for lane in range(_LANES):
-                fired = state[COUNT + lane]
-                counts[window + bin_ + lane] += fired
-                back[window + bin_ + lane] += fired
-                state[ARMED + lane] -= fired
-                left[lane] -= fired
-                leaving += 1 if left[lane] < 0.0 else 0
-            if leaving > 0:
+            add_row(counts, window + bin_, state, COUNT)
+            add_row(back, window + bin_, state, COUNT)
+            take_row(state, ARMED, state, COUNT)
+            if spend_row(left, _FIRST, state, COUNT) != 0:
                 leave(numbers, law, level, stream, after.trails, left, np.int64(0), held, np.int64(k))
 
 
@@ -176,9 +160,8 @@ def _run_few(numbers: Numbers, law: Law, level: Level, stream: Stream, bins: int
     for lane in range(held):
         for k in range(bins):
             at = k * LANES + lane
-            armed = state[ARMED + np.uint64(lane)] + back[at]
-            draw = group.draws[RESERVE * LANES + at]
-            fired = float(binomial(draw, int(armed), group.rates[at], after.chain.inverse))
+            armed: Any = np.int64(state[ARMED + np.uint64(lane)]) + back[at]
+            fired = binomial(group.draws[RESERVE * LANES + at], armed, group.rates[at], after.chain.inverse)
             counts[numbers.dead * LANES + at] += fired
             back[numbers.dead * LANES + at] += fired
             state[ARMED + np.uint64(lane)] = armed - fired

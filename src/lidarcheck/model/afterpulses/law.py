@@ -86,7 +86,7 @@ class Trails(NamedTuple):
 
     rates: FloatArray
     counts: ShortArray
-    back: FloatArray
+    back: ShortArray
     room: int
     outside: npt.NDArray[np.int32]
     pending: IndexArray
@@ -137,7 +137,7 @@ def new_after(numbers: Numbers, law: Law) -> After:
     trails = Trails(
         chain.group.rates,
         chain.group.counts,
-        np.zeros((numbers.bins + numbers.dead + 1) * LANES),
+        np.zeros((numbers.bins + numbers.dead + 1) * LANES, dtype=np.int16),
         room,
         np.zeros(room * LANES, dtype=np.int32),
         np.zeros((law.warm_up + numbers.bins) // numbers.dead + 3, dtype=np.int64),
@@ -153,7 +153,7 @@ def _most_outside(numbers: Numbers) -> int:
     return numbers.detectors * ((numbers.bins + numbers.pad) // numbers.dead + 2)
 
 
-def few_followed(per_bin: FloatArray, law: Law, numbers: Numbers) -> npt.NDArray[np.bool_]:
+def few_followed(numbers: Numbers, law: Law, per_bin: FloatArray) -> npt.NDArray[np.bool_]:
     """Whether background leaves so many detectors waiting for afterpulses, or fewer, that following these pays."""
     cells = numbers.detectors * (law.warm_up + numbers.bins)
     return np.asarray(law.chance * per_bin * cells <= _MOST_FOLLOWED)

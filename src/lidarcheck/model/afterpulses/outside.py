@@ -15,7 +15,7 @@ from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.afterpulses.law import BEGIN, END, POINTS, After, Level
 from lidarcheck.model.exact import background as bg
-from lidarcheck.model.exact.blocks import Blocks, count, count_small
+from lidarcheck.model.exact.blocks import Blocks, count_large, count_small
 from lidarcheck.model.exact.echoes import EchoArrays, find_echoes
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.lane_math import LANES, log
@@ -126,7 +126,7 @@ def _look_up(
         if at == last:
             break
         fill_four(stream, draws)
-        blocks.held[at] = count(blocks, blocks.above[blocks.small] * (1.0 - draws[1]))
+        blocks.held[at] = count_large(blocks, draws[1])
         special[found] = at
         found += 1
         draw = draws[2]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,15 +10,32 @@ import numpy.typing as npt
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.jit import kernel
 from lidarcheck.model.afterpulses.group import simulate_group
-from lidarcheck.model.afterpulses.law import After, Law, Level, few_followed, level_of, new_after, window_of
+from lidarcheck.model.afterpulses.law import (
+    After,
+    Law,
+    Level,
+    can_count,
+    few_followed,
+    law_of,
+    level_of,
+    new_after,
+    window_of,
+)
 from lidarcheck.model.exact.blocks import tabulate
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses
 from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.streams import Stream
+from lidarcheck.model.way import Way
+from lidarcheck.scan import Light
+from lidarcheck.sensor import SpadArray
 
-__all__ = ["simulate_beams", "simulate_chunk"]
+__all__ = ["simulate_beams", "way"]
+
+
+_MOST_PAIRS = 2.0
+"""Expected crowded neighbours of a beam above which to visit all bins is the faster way."""
 
 
 @kernel
@@ -45,7 +61,7 @@ def simulate_beams(
             beam: Any = np.uint64(order[at])
             at += 1
             begin, end = window_of(numbers, law, pulses, beam)
-            if blocks.crowded[0]:
+            if blocks.pairs[0] > _MOST_PAIRS:
                 begin, end = 0, numbers.bins
             group.beam[held], group.begin[held], group.length[held] = beam, begin, end - begin
             held += 1
@@ -59,30 +75,8 @@ def simulate_beams(
             return
 
 
-def simulate_chunk(
-    law: Law,
-    one_by_one: Callable[..., None],
-    idle: dict[int, list[After]],
-    numbers: Numbers,
-    stream: Stream,
-    beams: npt.NDArray[np.uint64],
-    per_bin: FloatArray,
-    pulses: Pulses,
-    order: IndexArray,
-    echoes: EchoArrays,
-) -> None:
-    """`simulate_beams`; `one_by_one` simulates beams of a background too high for that.
-
-    `idle`: work spaces by threshold, which threads share: one is taken out while it is in use.
-    """
-    counted = few_followed(per_bin[order], law, numbers)
-    if not counted.all():
-        one_by_one(numbers, stream, beams, per_bin, pulses, order[~counted], echoes)
-    if counted.any():
-        spaces = idle.setdefault(numbers.threshold, [])
-        try:
-            after = spaces.pop()
-        except IndexError:
-            after = new_after(numbers, law)
-        simulate_beams(numbers, law, stream, beams, per_bin, pulses, order[counted], after, echoes)
-        spaces.append(after)
+def way(sensor: SpadArray, numbers: Numbers, light: Light) -> Way | None:
+    """How SPADs whose only fault is afterpulses are simulated; None for others, and where beams do not fit."""
+    if not can_count(sensor, numbers, light):
+        return None
+    return Way((law_of(sensor, numbers),), new_after, simulate_beams, few_followed)

@@ -29,21 +29,29 @@ from lidarcheck.model.clusters.law import (
 from lidarcheck.model.clusters.outside import look_outside
 from lidarcheck.model.clusters.places import forget_armed, gap, set_off
 from lidarcheck.model.clusters.strikes import strike_before
-from lidarcheck.model.exact.abreast import ARMED, COUNT, RESERVE, draw_counts, find_abreast
+from lidarcheck.model.exact.abreast import (
+    ARMED,
+    COUNT,
+    FEW,
+    RESERVE,
+    draw_counts,
+    draw_windows,
+    find_abreast,
+    put_rates,
+)
 from lidarcheck.model.exact.binomial import binomial
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import Numbers
-from lidarcheck.model.exact.pulses import Pulses, add_pulses
+from lidarcheck.model.exact.pulses import Pulses
 from lidarcheck.model.lane_draws import begin_draws
 from lidarcheck.model.lane_math import LANES, log
-from lidarcheck.model.rows import add_row, fire_row
-from lidarcheck.model.streams import Stream, fill_twice, fill_twice_abreast, rewind
+from lidarcheck.model.rows import add_row, fire_row, spend_row
+from lidarcheck.model.streams import Stream
 
 __all__ = ["simulate_group"]
 
-_FEW = 8
-"""Beams fewer than which are faster one by one."""
 _LANES: Any = np.uint64(LANES)
+_FIRST = np.uint64(0)
 _FIRST_DRAW: Any = np.uint64(RESERVE * LANES)
 
 
@@ -65,20 +73,14 @@ def simulate_group(
     for lane in range(held):
         group.key[lane] = beams[np.uint64(group.beam[lane])]
         bins = max(bins, group.length[lane])
-    _draw(stream, bins, held, space)
-    group.rates[: bins * LANES] = level.per_bin
-    for lane in range(LANES):
-        if lane < held:
-            _enter(numbers, law, level, stream, lane, space)
-            begin, end = group.begin[lane], group.begin[lane] + group.length[lane]
-            i: Any = np.uint64(group.beam[lane])
-            add_pulses(pulses, i, begin, end, group.rates, lane, LANES)
-        else:
-            group.state[ARMED + np.uint64(lane)] = 0
-            space.places.left[lane] = 0.0
-        for k in range(group.length[lane] if lane < held else 0, bins):
-            group.rates[k * LANES + lane] = 0.0
-    if held < _FEW:
+    draw_windows(stream, group, bins, held, space.chain.draws)
+    put_rates(pulses, group, level.per_bin, bins, held)
+    for lane in range(held):
+        _enter(numbers, law, level, stream, lane, space)
+    for lane in range(held, LANES):
+        group.state[ARMED + np.uint64(lane)] = 0
+        space.places.left[lane] = 0.0
+    if held < FEW:
         _run_few(numbers, law, stream, bins, held, space)
     else:
         _run(numbers, law, stream, bins, held, space)
@@ -91,20 +93,6 @@ def simulate_group(
     group.counts[: (numbers.dead + bins) * LANES] = 0
     if touched > 0:
         space.places.own[: (numbers.dead + bins) * LANES] = 0
-
-
-@inlined
-def _draw(stream: Stream, bins: int, held: int, space: Space) -> None:
-    """The draws of the first stream for all lanes, as the exact chain has them."""
-    group, draws = space.chain.group, space.chain.draws
-    if held >= _FEW:
-        fill_twice_abreast(stream, group.key, (RESERVE + bins + 7) // 8, group.words, group.draws)
-    else:
-        for lane in range(held):
-            rewind(stream, group.key[lane])
-            fill_twice(stream, draws, RESERVE + bins)
-            for k in range(RESERVE + bins):
-                group.draws[k * LANES + lane] = draws[k]
 
 
 @inlined
@@ -154,11 +142,7 @@ def _run(numbers: Numbers, law: Law, stream: Stream, bins: int, held: int, space
         add_row(state, ARMED, counts, bin_)
         if draw_counts(group, bin_, _FIRST_DRAW + bin_, space.chain.inverse, numbers.detectors):
             fire_row(state, ARMED, state, COUNT, counts, window + bin_)
-            trying = 0
-            for lane in range(_LANES):
-                left[lane] -= state[COUNT + lane]
-                trying += 1 if left[lane] < 0.0 else 0
-            if trying > 0:
+            if spend_row(left, _FIRST, state, COUNT) != 0:
                 set_off(numbers, law, stream, space.places, state, np.int64(0), held, np.int64(k))
 
 

@@ -148,7 +148,7 @@ def new_space(numbers: Numbers, law: Law) -> Space:
     return Space(chain, places, np.zeros(len(law.sizes)))
 
 
-def well_counted(per_bin: FloatArray, law: Law, numbers: Numbers) -> npt.NDArray[np.bool_]:
+def well_counted(numbers: Numbers, law: Law, per_bin: FloatArray) -> npt.NDArray[np.bool_]:
     """Whether backgrounds are so low that counting pays."""
     return np.asarray(per_bin <= law.most_per_bin)
 

@@ -76,8 +76,8 @@ def _look_around(
     beside = on if end < numbers.bins else 0
     _rewind(stream, space, lane)
     before, behind = group.draws[(RESERVE - 2) * LANES + lane], group.draws[(RESERVE - 1) * LANES + lane]
-    bg.search(blocks, stream, chain.draws, before, np.int64(0), back, 0, numbers.threshold, True)
-    bg.search(blocks, stream, chain.draws, behind, back, last, beside, numbers.threshold, True)
+    bg.search(blocks, stream, chain.draws, before, np.int64(0), back, 0, numbers.threshold, True, 0)
+    bg.search(blocks, stream, chain.draws, behind, back, last, beside, numbers.threshold, True, 0)
     i: Any = np.uint64(group.beam[lane])
     echoes.held[i] = 0
     low, high = np.int64(0), np.int64(0)

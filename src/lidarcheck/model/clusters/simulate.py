@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,15 +10,27 @@ import numpy.typing as npt
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.jit import kernel
 from lidarcheck.model.clusters.group import simulate_group
-from lidarcheck.model.clusters.law import Law, Level, Space, level_of, new_space, well_counted
+from lidarcheck.model.clusters.law import (
+    Law,
+    Level,
+    Space,
+    can_count,
+    law_of,
+    level_of,
+    new_space,
+    well_counted,
+)
 from lidarcheck.model.clusters.sizes import tabulate
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, pulse_window
 from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.streams import Stream
+from lidarcheck.model.way import Way
+from lidarcheck.scan import Light
+from lidarcheck.sensor import SpadArray
 
-__all__ = ["simulate_beams", "simulate_chunk"]
+__all__ = ["simulate_beams", "way"]
 
 
 @kernel
@@ -57,30 +68,8 @@ def simulate_beams(
             return
 
 
-def simulate_chunk(
-    law: Law,
-    one_by_one: Callable[..., None],
-    idle: dict[int, list[Space]],
-    numbers: Numbers,
-    stream: Stream,
-    beams: npt.NDArray[np.uint64],
-    per_bin: FloatArray,
-    pulses: Pulses,
-    order: IndexArray,
-    echoes: EchoArrays,
-) -> None:
-    """`simulate_beams`; `one_by_one` simulates beams of a background too high for that.
-
-    `idle`: work spaces by threshold, which threads share: one is taken out while it is in use.
-    """
-    counted = well_counted(per_bin[order], law, numbers)
-    if not counted.all():
-        one_by_one(numbers, stream, beams, per_bin, pulses, order[~counted], echoes)
-    if counted.any():
-        spaces = idle.setdefault(numbers.threshold, [])
-        try:
-            space = spaces.pop()
-        except IndexError:
-            space = new_space(numbers, law)
-        simulate_beams(numbers, law, stream, beams, per_bin, pulses, order[counted], space, echoes)
-        spaces.append(space)
+def way(sensor: SpadArray, numbers: Numbers, light: Light) -> Way | None:
+    """How SPADs whose only fault is crosstalk are simulated; None for others, and where beams do not fit."""
+    if not can_count(sensor, numbers, light):
+        return None
+    return Way((law_of(sensor, numbers),), new_space, simulate_beams, well_counted)

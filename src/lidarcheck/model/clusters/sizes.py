@@ -29,7 +29,7 @@ _CERTAIN = 0.5
 """A chance of each neighbour above which no cluster ends; far above what is counted."""
 _UNSEEN = 1e-12
 """Probability that a block has more avalanches than can be told, up to which that may be neglected."""
-_CROWDED_SHARE = 3.0
+_MOST_PAIRS = 3.0
 """Expected crowded neighbours of a beam above which following each detector is the faster way."""
 
 
@@ -88,7 +88,7 @@ def tabulate(numbers: Numbers, blocks: Blocks, sizes: FloatArray, per_bin: float
     crowded = blocks.above[min(numbers.threshold, most)]
     for n in range(min(numbers.threshold, most) + 1):
         crowded += totals[n] * blocks.above[min(numbers.threshold - n, most)]
-    blocks.crowded[0] = len(blocks.held) * crowded > _CROWDED_SHARE or seen < 1.0 - _UNSEEN
+    blocks.pairs[0] = len(blocks.held) * crowded if seen >= 1.0 - _UNSEEN else np.inf
 
 
 @functools.lru_cache(maxsize=16)
@@ -98,10 +98,10 @@ def most_rate(numbers: Numbers, sides: float, corners: float) -> float:
     totals = np.zeros(len(sizes))
     low, high = 0.0, 1.0 / numbers.detectors
     tabulate(numbers, blocks, sizes, high * 1e-6, totals)
-    if sizes.sum() < 1.0 - _UNSEEN or blocks.crowded[0]:
+    if sizes.sum() < 1.0 - _UNSEEN or blocks.pairs[0] > _MOST_PAIRS:
         return -1.0
     for _ in range(30):
         middle = 0.5 * (low + high)
         tabulate(numbers, blocks, sizes, middle, totals)
-        low, high = (low, middle) if blocks.crowded[0] else (middle, high)
+        low, high = (low, middle) if blocks.pairs[0] > _MOST_PAIRS else (middle, high)
     return low

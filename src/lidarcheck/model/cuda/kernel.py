@@ -20,12 +20,12 @@ _gpu: Any = cuda
 @_gpu.jit  # type: ignore[untyped-decorator]
 def simulate_beams(
     numbers: Any, key: Any, frame: Any, beams: Any, level: Any, pulses: Any, order: Any, threads: Any, counts: Any,
-    rates: Any, draws: Any, held: Any, cells: Any, inverse: Any, blocks: Any, group: Any, echoes: Any,
+    rates: Any, draws: Any, held: Any, crowds: Any, cells: Any, inverse: Any, blocks: Any, group: Any, echoes: Any,
 ) -> None:  # fmt: skip
     """Simulate the beams in `order`, of one background: each of the threads takes every `threads`-th of them.
 
-    `counts`, `rates`, `draws`, `held`, `cells`: work space, a column for each thread. numba turns the functions that
-    this one calls into ones for the GPU.
+    `counts`, `rates`, `draws`, `held`, `crowds`, `cells`: work space, a column for each thread. numba turns the
+    functions that this one calls into ones for the GPU.
     """
     t = _gpu.grid(1)
     if t >= threads:
@@ -34,8 +34,8 @@ def simulate_beams(
     counter[2] = frame
     counter[3] = 0
     own = Blocks(
-        blocks.length, blocks.small, blocks.above, blocks.log_small, held[:, t], cells[:, t], blocks.crowded,
-        blocks.rate, blocks.calm,
+        blocks.length, blocks.small, blocks.above, blocks.log_small, held[:, t], crowds[:, t], cells[:, t],
+        blocks.pairs, blocks.rate, blocks.calm,
     )  # fmt: skip
     scratch = Scratch(counts[:, t], rates[:, t], draws[:, t], inverse, own, group)
     for k in range(t, len(order), threads):

@@ -58,7 +58,7 @@ def simulate_on_cuda(
     from lidarcheck.model.cuda.kernel import simulate_beams as run
 
     host = new_scratch(numbers)
-    own = (host.counts, host.rates, host.draws, host.blocks.held, host.blocks.cells)
+    own = (host.counts, host.rates, host.draws, host.blocks.held, host.blocks.crowds, host.blocks.cells)
     threads = max(min(len(order), _MOST_THREADS, _MOST_BYTES // sum(part.nbytes for part in own)), 1)
     rows = [_rows(part, threads) for part in own]
     key, keys, light, inverse, group, there = _on_device((stream.key, beams, pulses, host.inverse, host.group, echoes))

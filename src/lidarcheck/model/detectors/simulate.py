@@ -20,10 +20,11 @@ from lidarcheck.model.exact.echoes import EchoArrays, find_echoes
 from lidarcheck.model.exact.numbers import Numbers, numbers_of
 from lidarcheck.model.exact.pulses import Pulses, pulses_of
 from lidarcheck.model.streams import Stream, beam_keys, new_stream
+from lidarcheck.model.way import Way
 from lidarcheck.scan import Light
 from lidarcheck.sensor import SpadArray
 
-__all__ = ["count_beams", "draw_avalanches", "simulate_beams", "simulate_chunk"]
+__all__ = ["count_beams", "draw_avalanches", "simulate_beams", "way"]
 
 
 @inlined
@@ -79,7 +80,7 @@ def simulate_beams(
 ) -> None:
     """Simulate the beams of `order`, independent of each other, into `echoes`; see `kernel.simulate_beams`.
 
-    `scratch.size[1]` counts afterpulses that found no room: there must be none, see `simulate_chunk`.
+    `scratch.size[1]` counts afterpulses that found no room: there must be none, see `_simulate_all`.
     """
     for i in order:
         follow(numbers, detectors, stream, scratch, beams[i], per_bin[i], pulses, i)
@@ -88,20 +89,15 @@ def simulate_beams(
         set_all(scratch.counts, len(scratch.counts), 0)
 
 
-def simulate_chunk(
-    detectors: Detectors,
-    numbers: Numbers,
-    stream: Stream,
-    beams: npt.NDArray[np.uint64],
-    per_bin: FloatArray,
-    pulses: Pulses,
-    order: IndexArray,
-    echoes: EchoArrays,
-) -> None:
-    """`simulate_beams` in a work space of its own; `UsageError` where more afterpulses wait than it has room for."""
-    scratch = new_scratch(numbers, detectors)
-    simulate_beams(numbers, detectors, stream, beams, per_bin, pulses, order, scratch, echoes)
-    _check_room(scratch)
+def way(sensor: SpadArray, numbers: Numbers) -> Way:
+    """How SPADs of any kind are simulated."""
+    return Way((detectors_of(sensor, numbers),), new_scratch, _simulate_all)
+
+
+def _simulate_all(*arguments: Any) -> None:
+    """`simulate_beams`; `UsageError` where more afterpulses wait than the work space has room for."""
+    simulate_beams(*arguments)
+    _check_room(arguments[-2])
 
 
 def draw_avalanches(light: Light, sensor: SpadArray, *, seed: int = 0, frame: int = 0) -> npt.NDArray[np.int32]:

@@ -22,21 +22,26 @@ from lidarcheck.model.exact import quick_sums
 from lidarcheck.model.exact.binomial import binomial, inverses
 from lidarcheck.model.exact.echoes import EchoArrays, keep
 from lidarcheck.model.exact.numbers import Numbers
+from lidarcheck.model.exact.pulses import Pulses, add_pulses
 from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.rows import add_echo, add_row, clear_row, fire_row, how_many, lowest, on_row, open_row, take_row
+from lidarcheck.model.streams import Stream, fill_twice, fill_twice_abreast, rewind
 
 __all__ = [
     "ARMED",
     "COUNT",
+    "FEW",
     "MOST_BINS",
     "MOST_DETECTORS",
     "RESERVE",
     "Abreast",
     "draw_counts",
     "draw_entry",
+    "draw_windows",
     "find_abreast",
     "last_on",
     "new_abreast",
+    "put_rates",
     "run_abreast",
 ]
 
@@ -55,8 +60,10 @@ _WIDTH, _AREA, _PEAK = (np.uint64(k * LANES) for k in range(3))
 """Rows of `echo`."""
 _MOST_THRESHOLD = 32767
 """Rows hold numbers of 16 bits."""
-_FEW = 3
+_FEW_OPEN = 3
 """Lanes with an avalanche up to which it is faster to draw them one by one."""
+FEW = 8
+"""Beams fewer than which are faster one by one."""
 
 
 class Abreast(NamedTuple):
@@ -133,13 +140,39 @@ def draw_counts(group: Abreast, bin_: Any, draw: Any, inverse: FloatArray, detec
     open_ = open_row(draws, draw, rates, bin_, float(max(detectors, 2)))
     if open_ == 0:
         return False
-    if how_many(open_) <= _FEW:
+    if how_many(open_) <= _FEW_OPEN:
         clear_row(state, COUNT)
     else:
         open_ = quick_sums.settle(rates, bin_, draws, draw, group.inverse, state, group.sums, detectors)
     if open_ != 0:
         _draw_some(rates, bin_, draws, draw, state, inverse, open_)
     return True
+
+
+@inlined
+def draw_windows(stream: Stream, group: Abreast, bins: int, held: int, draws: FloatArray) -> None:
+    """Fill the draws of the first `held` lanes, for windows of up to `bins` bins; `draws` is work space."""
+    if held >= FEW:
+        fill_twice_abreast(stream, group.key, (RESERVE + bins + 7) // 8, group.words, group.draws)
+    else:
+        for lane in range(held):
+            rewind(stream, group.key[lane])
+            fill_twice(stream, draws, RESERVE + bins)
+            for k in range(RESERVE + bins):
+                group.draws[k * LANES + lane] = draws[k]
+
+
+@inlined
+def put_rates(pulses: Pulses, group: Abreast, per_bin: float, bins: int, held: int) -> None:
+    """The rates of the first `held` lanes' windows; 0 behind them, up to `bins` bins, and in the other lanes."""
+    group.rates[: bins * LANES] = per_bin
+    for lane in range(LANES):
+        if lane < held:
+            begin, end = group.begin[lane], group.begin[lane] + group.length[lane]
+            i: Any = np.uint64(group.beam[lane])
+            add_pulses(pulses, i, begin, end, group.rates, lane, LANES)
+        for k in range(group.length[lane] if lane < held else 0, bins):
+            group.rates[k * LANES + lane] = 0.0
 
 
 @inlined

@@ -23,7 +23,7 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.jit import inlined, kernel
-from lidarcheck.model.exact.blocks import Blocks, count, count_small
+from lidarcheck.model.exact.blocks import Blocks, count, count_large, count_small
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_rates
 from lidarcheck.model.lane_math import fired, log
@@ -69,12 +69,14 @@ def _search(
     threshold: int,
     record: bool,
     through: bool,
-) -> int:
+    listed: int,
+) -> Any:
     """Look for crowded neighbours among the blocks `first` ... `last - 1`; `beside` avalanches stand before them.
 
     One draw leads to the next large block, a geometric number of small ones away; only what stands beside a large
-    block is drawn. Returns what was found; `record`: unless all are small, `held` tells what is known of each block.
-    `through`: go on behind neighbours that are crowded.
+    block is drawn. Returns what was found, and how many crowded neighbours are listed; `record`: unless all are small,
+    `held` tells what is known of each block, and `crowds`, behind those that are listed, the second of neighbours that
+    are crowded. `through`: go on behind them.
     """
     found, log_small, most_beside = _ALL_SMALL, blocks.log_small[0], threshold - blocks.small
     before, at = beside, first
@@ -96,7 +98,7 @@ def _search(
             skip(stream, 3)
         else:
             fill_four(stream, draws)
-            now = count(blocks, blocks.above[blocks.small] * (1.0 - draws[1]) if far else 1.0 - draws[0])
+            now = count_large(blocks, draws[1]) if far else count(blocks, 1.0 - draws[0])
             if small > 0:
                 # What a small block holds is looked up where it can matter.
                 before = count_small(blocks, draws[0]) if record or now > most_beside else blocks.small
@@ -106,10 +108,13 @@ def _search(
                 blocks.held[at] = now
             if before + now > threshold:
                 found = _CROWDED
+                if record:
+                    blocks.crowds[listed] = at
+                    listed += 1
             draw = draws[2] if far else draw
             before = now
             at += 1
-    return found
+    return found, listed
 
 
 @kernel
@@ -123,13 +128,17 @@ def search(
     beside: int,
     threshold: int,
     through: bool,
-) -> None:
-    """Tell in `blocks.held` what is known of each of the blocks `first` ... `last - 1`.
+    listed: int,
+) -> int:
+    """Tell in `blocks.held` what is known of each of the blocks `first` ... `last - 1`, and in `blocks.crowds`, behind
+    those that are `listed`, which are the second of crowded neighbours; how many are listed then.
 
     `through`: also of those behind neighbours that are crowded.
     """
-    if _search(blocks, stream, draws, draw, first, last, beside, threshold, True, through) == _ALL_SMALL:
+    found, listed = _search(blocks, stream, draws, draw, first, last, beside, threshold, True, through, listed)
+    if found == _ALL_SMALL:
         blocks.held[first:last] = SMALL
+    return listed
 
 
 @kernel
@@ -155,10 +164,13 @@ def place(
 ) -> None:
     """Spread `held` candidates over the distinct cells of a block; they stand in `counts` until thinned."""
     cells = numbers.detectors * blocks.length
-    taken = 0
+    taken, drawn = 0, 4
     while taken < held:
-        fill_four(stream, draws)
-        cell = int(draws[0] * cells)
+        if drawn == 4:
+            fill_four(stream, draws)
+            drawn = 0
+        cell = int(draws[drawn] * cells)
+        drawn += 1
         fresh = True
         for j in range(taken):
             fresh = fresh and blocks.cells[j] != cell
@@ -186,8 +198,8 @@ def thin(
 
     `pool`: detectors whose avalanches stand in `counts`; those that candidates strike of the others count elsewhere.
 
-    Where the rate is lower than the candidates', it keeps them with the ratio of the chances. `rates` (bins,): of each
-    bin; beyond the trace, it is `per_bin`.
+    Where the rate is lower than the candidates', it keeps them with the ratio of the chances. `rates`: of each bin from
+    bin 0 on; elsewhere, it is `per_bin`.
     """
     for n in range(number):
         index = numbers.pad + first + step * n
@@ -198,7 +210,7 @@ def thin(
         for age in range(1, numbers.dead):
             armed -= counts[index - step * age]
         bin_ = first + step * n
-        rate = rates[bin_] if 0 <= bin_ < numbers.bins else per_bin
+        rate = rates[bin_] if 0 <= bin_ < len(rates) else per_bin
         accepted = 1.0 if rate == blocks.rate[0] else fired(rate) / fired(blocks.rate[0])
         if candidates <= 4:
             fill_four(stream, draws)
@@ -259,7 +271,8 @@ def looks_quiet(
     for behind in range(2):
         draw, first, stop = (draw_behind, back, last) if behind else (draw_before, np.int64(0), back)
         beside = on_at_end if behind and end < numbers.bins else dead_at_begin if not behind and begin > 0 else 0
-        most = max(most, _search(blocks, stream, draws, draw, first, stop, beside, numbers.threshold, False, False))
+        found, _ = _search(blocks, stream, draws, draw, first, stop, beside, numbers.threshold, False, False, 0)
+        most = max(most, found)
     return most != _CROWDED
 
 
@@ -288,8 +301,8 @@ def is_quiet(
     back, last = blocks_around(numbers, blocks, begin, end)
     beside_begin = dead_at_begin if begin > 0 else 0
     beside_end = on_at_end if end < numbers.bins else 0
-    search(blocks, stream, draws, draw_before, np.int64(0), back, beside_begin, numbers.threshold, False)
-    search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, False)
+    search(blocks, stream, draws, draw_before, np.int64(0), back, beside_begin, numbers.threshold, False, 0)
+    search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, False, 0)
     complete(blocks, stream, draws, 0, back)
     complete(blocks, stream, draws, back, last)
     return False

@@ -6,19 +6,16 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.jit import kernel
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.lane_math import exp, fired, lgamma, log, log_rest
 
-__all__ = ["Blocks", "count", "count_small", "new_blocks", "tabulate"]
+__all__ = ["Blocks", "count", "count_large", "count_small", "new_blocks", "tabulate"]
 
 _MOST = 64
 """Largest candidate count of a block; where more is not negligible, the chain runs explicitly through all bins."""
-_CROWDED_SHARE = 2.0
-"""Expected crowded neighbours per beam above which the explicit chain is the faster way."""
 _CROWDED_CALM = 1e-3
 """The same for a rate that is chosen, so that visiting fewer bins pays."""
 
@@ -26,8 +23,9 @@ _CROWDED_CALM = 1e-3
 class Blocks(NamedTuple):
     """Candidates per block of `length` bins. `above[c]`: probability of more than c; `small`: the most that two
     neighbours may each hold without being crowded; `log_small[0]`: logarithm of the probability that a block is small;
-    `crowded[0]`: whether the explicit chain must run everywhere; `rate[0]`: the candidates' rate per detector and bin;
-    `calm`: a rate up to which blocks settle almost every beam without a closer look.
+    `held`, `crowds`: what a search knows of each block, and which are the second of crowded neighbours; `pairs[0]`: how
+    many such are to be expected in a trace, infinite where the tables cannot tell; `rate[0]`: the candidates' rate per
+    detector and bin; `calm`: a rate up to which blocks settle almost every beam without a closer look.
     """
 
     length: int
@@ -35,8 +33,9 @@ class Blocks(NamedTuple):
     above: FloatArray
     log_small: FloatArray
     held: IndexArray
+    crowds: IndexArray
     cells: IndexArray
-    crowded: npt.NDArray[np.bool_]
+    pairs: FloatArray
     rate: FloatArray
     calm: float
 
@@ -50,8 +49,9 @@ def new_blocks(numbers: Numbers) -> Blocks:
         np.zeros(_MOST + 1),
         np.zeros(1),
         np.zeros(numbers.bins // length + 4, dtype=np.int64),
+        np.zeros(numbers.bins // length + 4, dtype=np.int64),
         np.zeros(_MOST + 1, dtype=np.int64),
-        np.zeros(1, dtype=np.bool_),
+        np.zeros(1),
         np.zeros(1),
         _calm_rate(numbers, length, _CROWDED_CALM),
     )
@@ -89,17 +89,17 @@ def _tail(trials: int, above: int, per_bin: float) -> float:
 
 @kernel
 def tabulate(blocks: Blocks, detectors: int, threshold: int, per_bin: float) -> None:
-    """Fill the table for a background rate; decide whether the explicit chain must run everywhere."""
+    """Fill the table for a background rate."""
     cells = detectors * blocks.length
     mean = cells * per_bin
     blocks.rate[0] = per_bin
     if mean <= 0.0:
         blocks.above[:] = 0.0
         blocks.log_small[0] = 0.0
-        blocks.crowded[0] = False
+        blocks.pairs[0] = 0.0
         return
     if mean > 0.25 * _MOST:
-        blocks.crowded[0] = True
+        blocks.pairs[0] = np.inf
         return
     blocks.above[_MOST] = _tail(cells, _MOST, per_bin)
     for c in range(_MOST - 1, -1, -1):
@@ -107,16 +107,22 @@ def tabulate(blocks: Blocks, detectors: int, threshold: int, per_bin: float) -> 
         blocks.above[c] = min(blocks.above[c + 1] + term, 1.0)
     blocks.log_small[0] = log_rest(blocks.above[blocks.small])
     pairs = len(blocks.held) * _tail(2 * cells, threshold, per_bin)
-    blocks.crowded[0] = pairs > _CROWDED_SHARE or blocks.above[_MOST] > 1e-15
+    blocks.pairs[0] = pairs if blocks.above[_MOST] <= 1e-15 else np.inf
 
 
 @kernel
-def count(blocks: Blocks, survival: float) -> int:
-    """Candidates of a block: the smallest c with P(more than c) below a uniform number in (0, 1]."""
-    c = 0
+def count(blocks: Blocks, survival: float, least: int = 0) -> int:
+    """Candidates of a block: the smallest c with P(more than c) below a uniform number in (0, 1]; `least` at least."""
+    c = least
     while c < _MOST and blocks.above[c] >= survival:
         c += 1
     return c
+
+
+@kernel
+def count_large(blocks: Blocks, draw: float) -> int:
+    """Candidates of a block that is known not to be small."""
+    return count(blocks, blocks.above[blocks.small] * (1.0 - draw), min(blocks.small + 1, _MOST))
 
 
 @kernel

@@ -9,11 +9,11 @@ import numpy.typing as npt
 
 from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.exact import background as bg
-from lidarcheck.model.exact.abreast import Abreast, draw_entry, find_abreast, last_on, run_abreast
-from lidarcheck.model.exact.crowd import find_locally, is_local
+from lidarcheck.model.exact.abreast import Abreast, draw_entry, find_abreast, last_on, put_rates, run_abreast
+from lidarcheck.model.exact.crowd import find_locally
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import Numbers
-from lidarcheck.model.exact.pulses import Pulses, add_pulses
+from lidarcheck.model.exact.pulses import Pulses
 from lidarcheck.model.exact.single import RESERVE, BackgroundLevel, Scratch, look_around, place_dead
 from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.streams import Stream, fill_twice_abreast, rewind
@@ -43,15 +43,9 @@ def simulate_group(
         bins = max(bins, group.length[lane])
     fill_twice_abreast(stream, group.key, (RESERVE + bins + 7) // 8, group.words, group.draws)
     draw_entry(numbers, group, level.dead_rate, held, scratch.inverse)
-    group.rates[: bins * LANES] = level.per_bin
-    for lane in range(LANES):
-        if lane < held:
-            _enter(numbers, stream, lane, scratch)
-            begin, end = group.begin[lane], group.begin[lane] + group.length[lane]
-            i: Any = np.uint64(group.beam[lane])
-            add_pulses(pulses, i, begin, end, group.rates, lane, LANES)
-        for k in range(group.length[lane] if lane < held else 0, bins):
-            group.rates[k * LANES + lane] = 0.0
+    put_rates(pulses, group, level.per_bin, bins, held)
+    for lane in range(held):
+        _enter(numbers, stream, lane, scratch)
     run_abreast(numbers, group, bins, scratch.inverse)
     find_abreast(numbers, group, bins, held, echoes)
     for lane in range(held):
@@ -135,7 +129,7 @@ def _look_closer(
     before, behind = group.draws[(RESERVE - 2) * LANES + lane], group.draws[(RESERVE - 1) * LANES + lane]
     _rewind_lane(group, stream, lane)
     dead, draws = group.dead[lane], scratch.draws
-    if is_local(scratch.blocks, level.faint):
+    if level.faint == 0.0:
         _copy(numbers, lane, scratch)
         find_locally(
             numbers,

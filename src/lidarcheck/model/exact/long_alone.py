@@ -30,8 +30,10 @@ from lidarcheck.model.exact.single import (
 )
 from lidarcheck.model.streams import Stream, fill, rewind
 
-__all__ = ["first_free_block", "hazy", "is_long", "long_end", "simulate_each", "simulate_one"]
+__all__ = ["crowded", "first_free_block", "hazy", "is_long", "long_end", "simulate_each", "simulate_one"]
 
+_MOST_PAIRS = 2.5
+"""Expected crowded neighbours of a beam above which to visit all bins is the faster way."""
 _OFTEN = 0.022
 """Share of blocks that are not small from which on to visit all bins is the faster way."""
 
@@ -43,15 +45,21 @@ def first_free_block(numbers: Numbers) -> Any:
 
 
 @inlined
+def crowded(blocks: Blocks) -> Any:
+    """Whether background crowds so many blocks that every beam visits all bins sooner than it looks them up."""
+    return blocks.pairs[0] > _MOST_PAIRS
+
+
+@inlined
 def visits_all(blocks: Blocks) -> Any:
     """Whether background crowds so many blocks that a beam in haze visits all bins sooner than it looks them up."""
-    return blocks.crowded[0] or blocks.log_small[0] < -_OFTEN
+    return crowded(blocks) or blocks.log_small[0] < -_OFTEN
 
 
 @inlined
 def is_long(blocks: Blocks, pulses: Pulses, i: Any) -> Any:
     """Whether beam `i` visits many bins."""
-    return blocks.crowded[0] or (pulses.haze.last > 0 and pulses.haze.first[i] < pulses.haze.first[i + np.uint64(1)])
+    return crowded(blocks) or (pulses.haze.last > 0 and pulses.haze.first[i] < pulses.haze.first[i + np.uint64(1)])
 
 
 @inlined

@@ -20,7 +20,7 @@ from lidarcheck.model.exact import background as bg
 from lidarcheck.model.exact.abreast import RESERVE, Abreast, new_abreast
 from lidarcheck.model.exact.binomial import binomial, inverses
 from lidarcheck.model.exact.blocks import Blocks, new_blocks, tabulate
-from lidarcheck.model.exact.crowd import find_locally, is_local
+from lidarcheck.model.exact.crowd import find_locally
 from lidarcheck.model.exact.echoes import EchoArrays, find_echoes
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_pulses, pulse_window
@@ -176,7 +176,7 @@ def look_outside(
     The stream stands where it stood before `looks_quiet`, whose arguments these are.
     """
     blocks, draws = scratch.blocks, scratch.draws
-    if is_local(blocks, level.faint):
+    if level.faint == 0.0:
         find_locally(
             numbers,
             blocks,
