@@ -37,6 +37,16 @@ def test_the_same_bits_compiled(name: str, monkeypatch: pytest.MonkeyPatch) -> N
     assert bits(matrix.ravel()) == bits(compiled[: matrix.size])
 
 
+def test_the_same_bits_of_angles(monkeypatch: pytest.MonkeyPatch) -> None:
+    finite = EDGES[np.isfinite(EDGES) | np.isnan(EDGES)]
+    size = 10.0 ** RNG.uniform(-320, 300, N)
+    y = np.concatenate([np.repeat(finite, len(finite)), RNG.normal(size=N), size * RNG.choice([-1.0, 1.0], N)])
+    x = np.concatenate([np.tile(finite, len(finite)), RNG.normal(size=N), size * RNG.normal(size=N)])
+    compiled, apart = elementary.arctan2(y, x), elementary.arctan2(np.stack([y, x], axis=1)[:, 0], x)
+    monkeypatch.setattr(blocks, "_LARGE", len(x) + 1)
+    assert bits(compiled) == bits(elementary.arctan2(y, x)) == bits(apart)
+
+
 @pytest.mark.parametrize("even", [False, True])
 def test_lines_between_rows_as_numpy_draws_them(even: bool) -> None:
     steps = np.ones(9000) if even else np.where(RNG.random(9000) < 0.3, 0.0, 10.0 ** RNG.uniform(-9, 1, 9000))

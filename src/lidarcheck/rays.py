@@ -15,7 +15,7 @@ import numpy.typing as npt
 from lidarcheck.arrays import FloatArray, IntArray
 from lidarcheck.errors import UsageError
 
-__all__ = ["Caster", "Hits", "Rays", "Velocity"]
+__all__ = ["Caster", "Hits", "Rays", "Velocity", "handed_over"]
 
 Velocity = tuple[float, float, float]
 
@@ -46,10 +46,14 @@ class Rays:
 
     def take(self, rows: npt.NDArray[Any]) -> Rays:
         """The rays picked by a mask or by indices."""
-        picked = [column[rows] for column in (self.origin_m, self.direction, self.time_s, self.slot)]
-        for column in picked:
-            column.flags.writeable = False
-        return Rays(*picked)
+        return handed_over(*(column[rows] for column in (self.origin_m, self.direction, self.time_s, self.slot)))
+
+
+def handed_over(origin_m: FloatArray, direction: FloatArray, time_s: FloatArray, slot: IntArray) -> Rays:
+    """Rays of new arrays that nobody else writes to: they need no copies."""
+    for column in (origin_m, direction, time_s, slot):
+        column.flags.writeable = False
+    return Rays(origin_m, direction, time_s, slot)
 
 
 def _settled(column: Any, kind: np.dtype[Any]) -> npt.NDArray[Any]:

@@ -120,6 +120,8 @@ class _Block(NamedTuple):
 
 def _cast(own: Rays, row: IndexArray, spread: list[FloatArray], around: Surroundings, least_m: float) -> _Block:
     """What the footprints of those rows meet, their rays spread so far up and to the left."""
+    from lidarcheck.effects.geometry.compiled import spread_of
+
     rays = spread_rays(own.take(row), *spread)
     max_range_m = around.sensor.max_range_m
     hits = around.caster.cast(rays, moving=moving_of(own, around.caster) or None, max_range_m=max_range_m)
@@ -127,18 +129,14 @@ def _cast(own: Rays, row: IndexArray, spread: list[FloatArray], around: Surround
     shape = len(row), len(spread[0]) * len(spread[1])
     columns = {
         "distance_m": np.where(met, hits.distance_m, 0.0),
-        "material_id": np.where(met, hits.material_id, 0),
-        "object_id": np.where(met, hits.object_id, 0),
+        "material_id": np.where(met, hits.material_id, np.int32(0)),
+        "object_id": np.where(met, hits.object_id, np.int32(0)),
         "incidence_deg": np.where(met, np.clip(hits.incidence_deg, 0.0, 90.0), 0.0),
         "direction": rays.direction,
     }
     columns = {name: column.reshape(*shape, *column.shape[1:]) for name, column in columns.items()}
-    low = {name: columns[name].min(axis=1) for name in ("distance_m", "material_id", "object_id")}
-    high = {name: columns[name].max(axis=1) for name in low}
-    spans = (high["distance_m"] - low["distance_m"] > least_m) | (
-        (low["distance_m"] == 0.0) & (high["distance_m"] > 0.0)
-    )
-    spans |= (low["material_id"] != high["material_id"]) | (low["object_id"] != high["object_id"])
+    spans = np.empty(len(row), dtype=bool)
+    spread_of(columns["distance_m"], columns["material_id"], columns["object_id"], least_m, spans)
     return _Block(row, spans, columns)
 
 
@@ -189,7 +187,9 @@ def _subdivided(ideal: IdealScan, own: Rays, blocks: list[_Block], around: Surro
         for name, column in columns.items():
             values = block.columns[name][kept]
             column[place] = values.reshape(-1, *values.shape[2:])
-    rays = redirected(rays, columns.pop("direction"))
+    direction = columns.pop("direction")
+    direction.flags.writeable = False
+    rays = redirected(rays, direction)
     share = None if table.share is None else table.share / count[source]
     spread = replace(table, rays=rays, share=share, **columns)  # type: ignore[arg-type]
     return with_met_reflectance(spread, table, rays, around)

@@ -14,18 +14,18 @@ __all__ = ["arccos", "arcsin", "arctan", "arctan2", "cos", "hypot", "rounded_cos
 
 RIGHT_1, RIGHT_2, RIGHT_3 = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21
 """A right angle in parts of 33 bits: products with numbers below 2^20 are exact."""
-RIGHT, _RIGHT_REST = 1.5707963267948966, 6.123233995736766e-17
-_STEPS = 8
-_ARCTAN = np.array([0.0, 0.12435499454676144, 0.24497866312686414, 0.35877067027057225, 0.4636476090008061,
+RIGHT, RIGHT_REST = 1.5707963267948966, 6.123233995736766e-17
+STEPS = 8
+ARCTAN = np.array([0.0, 0.12435499454676144, 0.24497866312686414, 0.35877067027057225, 0.4636476090008061,
                     0.5585993153435624, 0.6435011087932844, 0.7188299996216245, 0.7853981633974483])  # fmt: skip
-_ARCTAN_REST = np.array([0.0, -3.1253241424539383e-18, 1.0698755618734451e-17, -2.4623815582638635e-17,
+ARCTAN_REST = np.array([0.0, -3.1253241424539383e-18, 1.0698755618734451e-17, -2.4623815582638635e-17,
                          2.2698777452961687e-17, -5.4556305485916264e-18, 1.5834785051444286e-17,
                          -2.1478388444456983e-17, 3.061616997868383e-17])  # fmt: skip
 """The arc tangent of j / 8, and what its rounding left."""
 _SERIES_BITS = 220
 SIN = tuple((-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9))
 COS = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(2, 10))
-_ATAN = tuple((-1.0) ** k / (2 * k + 1) for k in range(1, 9))
+ATAN = tuple((-1.0) ** k / (2 * k + 1) for k in range(1, 9))
 
 
 def _turned(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -70,21 +70,21 @@ def tan(x: FloatArray) -> FloatArray:
 
 def _arctan(t: FloatArray) -> FloatArray:
     """The arc tangent of a number between 0 and 1."""
-    step = np.rint(_STEPS * np.where(np.isnan(t), 0.0, t)).astype(np.int64)
-    c = step / _STEPS
+    step = np.rint(STEPS * np.where(np.isnan(t), 0.0, t)).astype(np.int64)
+    c = step / STEPS
     u = (t - c) / (1.0 + t * c)
     z = u * u
-    return np.asarray(_ARCTAN[step] + (_ARCTAN_REST[step] + (u + u * z * series(z, _ATAN))))
+    return np.asarray(ARCTAN[step] + (ARCTAN_REST[step] + (u + u * z * series(z, ATAN))))
 
 
-@in_blocks
+@in_blocks_or_compiled
 def arctan2(y: FloatArray, x: FloatArray) -> FloatArray:
     """The angle of the point (x, y) in radians, between -pi and pi; x and y are finite."""
     flat, steep = np.abs(x), np.abs(y)
     large, small = np.maximum(flat, steep), np.minimum(flat, steep)
     angle = _arctan(np.where(large > 0.0, small / large, 0.0))
-    angle = np.where(steep > flat, RIGHT - (angle - _RIGHT_REST), angle)
-    angle = np.where(np.signbit(x), 2.0 * RIGHT - (angle - 2.0 * _RIGHT_REST), angle)
+    angle = np.where(steep > flat, RIGHT - (angle - RIGHT_REST), angle)
+    angle = np.where(np.signbit(x), 2.0 * RIGHT - (angle - 2.0 * RIGHT_REST), angle)
     return np.where(np.isnan(x) | np.isnan(y), np.nan, np.copysign(angle, y))
 
 

@@ -41,7 +41,7 @@ def in_blocks(function: Callable[..., FloatArray], *, compiled: bool = False) ->
         found = np.empty(flat[0].size)
         kernels = compiled_for(found.size) if compiled else None
         if kernels is not None:
-            getattr(kernels, function.__name__)(*flat, found)
+            getattr(kernels, function.__name__)(*map(np.ascontiguousarray, flat), found)
             return found.reshape(shape)
         with np.errstate(invalid="ignore", over="ignore", under="ignore", divide="ignore"):
             for start in range(0, found.size, _BLOCK):

@@ -21,6 +21,8 @@ from lidarcheck.jit import inlined, kernel
 
 __all__ = [
     "ROUNDER",
+    "angle_of",
+    "arctan2",
     "bits_of",
     "bits_of_single",
     "cos",
@@ -41,10 +43,12 @@ _SMALLEST_NORMAL, _LIFT, _LIFT_BITS = 2.2250738585072014e-308, 18014398509481984
 _LN2_HIGH, _LN2_LOW, _PER_LN2 = exponentials.LN2_HIGH, exponentials.LN2_LOW, exponentials.PER_LN2
 _LOWEST, _HIGHEST, _ROOT_HALF = exponentials.LOWEST, exponentials.HIGHEST, exponentials.ROOT_HALF
 _RIGHT, _RIGHT_1, _RIGHT_2, _RIGHT_3 = angles.RIGHT, angles.RIGHT_1, angles.RIGHT_2, angles.RIGHT_3
+_RIGHT_REST, _STEPS, _ARCTAN, _ARCTAN_REST = angles.RIGHT_REST, angles.STEPS, angles.ARCTAN, angles.ARCTAN_REST
 _E2, _E3, _E4, _E5, _E6, _E7, _E8, _E9, _E10, _E11, _E12, _E13, _E14 = exponentials.EXP
 _L0, _L1, _L2, _L3, _L4, _L5, _L6, _L7, _L8, _L9, _L10, _L11 = exponentials.LOG
 _S1, _S2, _S3, _S4, _S5, _S6, _S7, _S8 = angles.SIN
 _C2, _C3, _C4, _C5, _C6, _C7, _C8, _C9 = angles.COS
+_A1, _A2, _A3, _A4, _A5, _A6, _A7, _A8 = angles.ATAN
 
 
 def _bits_of(typing_context: Any, number: Any) -> Any:
@@ -214,6 +218,40 @@ def cos(x: FloatArray, found: FloatArray) -> None:
         quarter, sine, cosine = _turned(x[i])
         value = cosine if quarter == 0.0 or quarter == 2.0 else sine
         found[i] = -value if quarter == 1.0 or quarter == 2.0 else value
+
+
+@inlined
+def angle_of(y: float, x: float) -> Any:
+    """The angle of the point (x, y) in radians, between -pi and pi; x and y are finite."""
+    flat, steep = abs(x), abs(y)
+    large, small = max(flat, steep), min(flat, steep)
+    t = small / large if large > 0.0 else 0.0
+    step = np.rint(_STEPS * t)
+    c = step / _STEPS
+    u = (t - c) / (1.0 + t * c)
+    z = u * u
+    s = _A8
+    s = s * z + _A7
+    s = s * z + _A6
+    s = s * z + _A5
+    s = s * z + _A4
+    s = s * z + _A3
+    s = s * z + _A2
+    s = s * z + _A1
+    j = int(step) if step == step else 0
+    angle = _ARCTAN[j] + (_ARCTAN_REST[j] + (u + u * z * s))
+    angle = _RIGHT - (angle - _RIGHT_REST) if steep > flat else angle
+    angle = 2.0 * _RIGHT - (angle - 2.0 * _RIGHT_REST) if math.copysign(1.0, x) < 0.0 else angle
+    return math.copysign(angle, y)
+
+
+@kernel
+def arctan2(y: FloatArray, x: FloatArray, found: FloatArray) -> None:
+    """The angles of the points (x, y), shape (n,) each, into `found`; NaN where one of both is."""
+    for i in range(len(found)):
+        odd = x[i] != x[i] or y[i] != y[i]
+        angle = angle_of(0.0 if odd else y[i], 0.0 if odd else x[i])
+        found[i] = math.nan if odd else angle
 
 
 @kernel

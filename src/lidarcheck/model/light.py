@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck import elementary
-from lidarcheck.arrays import FloatArray
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.effects.shared.reflectance import reflectance_of
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.model.sharing import Share, serially
@@ -120,23 +120,35 @@ def light_of(ideal: IdealScan, model: Model, share: Share = serially) -> Light:
     signal = surface_signal(ideal, model, share)
     if ideal.in_order:
         return _one_row_a_beam(ideal, signal, model)
-    key = ideal.layer.astype(np.int64) << 32 | ideal.point
     # Rows of one beam may stand in any order; nearer pulses first, so that the order of rows cannot matter.
-    order = np.lexsort((signal, ideal.distance_m, key))
-    key = key[order]
-    first_row = np.flatnonzero(np.concatenate(([True], key[1:] > key[:-1]))) if len(key) else np.empty(0, np.int64)
-    rows_per_beam = np.diff(np.append(first_row, len(key)))
+    order, first_row = _nearer_first(ideal, signal)
+    rows_per_beam = np.diff(np.append(first_row, len(order)))
     part = np.repeat(1.0 / np.maximum(rows_per_beam, 1), rows_per_beam) if ideal.share is None else ideal.share[order]
     return Light(
         layer=ideal.layer[order][first_row],
         point=ideal.point[order][first_row],
         background_per_ns=np.full(len(first_row), model.sensor.background_per_ns),
-        first_pulse=np.append(first_row, len(key)),
+        first_pulse=np.append(first_row, len(order)),
         pulse_range_m=ideal.distance_m[order],
         pulse_signal=signal[order] * part,
         pulse_row=order.astype(np.int32),
         beams=ideal.beams,
     )
+
+
+def _nearer_first(ideal: IdealScan, signal: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """The rows in order of (layer, point, distance, signal), shape (n,), and where in it each beam begins."""
+    from lidarcheck.model.row_order import sort_in_beams
+
+    key = ideal.layer.astype(np.int64) << 32 | ideal.point
+    order = np.arange(len(key))
+    beams_in_order = bool(np.all(key[1:] >= key[:-1]))
+    if not beams_in_order:
+        order = np.argsort(key, kind="stable")
+        key = key[order]
+    first = np.flatnonzero(np.concatenate(([True], key[1:] > key[:-1]))) if len(key) else np.empty(0, np.int64)
+    sort_in_beams(np.append(first, len(key)), ideal.distance_m, signal, order)
+    return order, first
 
 
 def _one_row_a_beam(ideal: IdealScan, signal: FloatArray, model: Model) -> Light:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,9 @@ from lidarcheck import elementary
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor.grid import Axis, GridBeams
+
+if TYPE_CHECKING:
+    from lidarcheck.effects.geometry.compiled import Lines
 
 __all__ = ["BeamGrid", "nearest_marked"]
 
@@ -108,11 +112,11 @@ class BeamGrid:
 
     def nearest_cell(self, position: FloatArray) -> IndexArray:
         """The cell in whose direction each position (n, 3) lies; the border's beyond it."""
-        layer, point = (np.rint(line).astype(np.int64) for line in self._lines(position))
-        if self.beams.azimuth.turns:
-            point = point % self.beams.points
-        last = self.beams.layers - 1, self.beams.points - 1
-        return np.asarray(np.clip(layer, 0, last[0]) * self.beams.points + np.clip(point, 0, last[1]))
+        from lidarcheck.effects.geometry.compiled import nearest_cells
+
+        found = np.empty(len(position), dtype=np.int64)
+        nearest_cells(np.ascontiguousarray(position), self._axes, self.beams.azimuth.turns, found)
+        return found
 
     def cells(self, position: FloatArray) -> IndexArray:
         """The cell whose surface reaches to the direction of each position (n, 3); a fired beam's own on its axis.
@@ -121,20 +125,11 @@ class BeamGrid:
         each pair and always there for the same one: a view turned by a third of a beam spacing then moves a third of
         all edges by one beam, as it does on average in a scene, instead of none.
         """
-        layer, point = self._lines(position)
-        layers, points = self.beams.layers, self.beams.points
-        up, aside = borders(self.beams.size)
-        (s, t), (a, b) = self.stride, self.offset
-        i, over = _split((layer - a) / s, (layers - 1 - a) // s)
-        if not self.goes_round:
-            j, beyond = _split((point - b) / t, (points - 1 - b) // t)
-            cell = (i * s + a) * points + j * t + b
-            return np.asarray(cell + (over > up[cell]) * (s * points) + (beyond > aside[cell]) * t)
-        column = np.mod((point - b) / t + 1e-7, points // t)
-        j = np.minimum(column.astype(np.int64), points // t - 1)
-        cell = (i * s + a) * points + j * t + b
-        j = (j + (column - j > aside[cell])) % (points // t)
-        return np.asarray((i * s + a + (over > up[cell]) * s) * points + j * t + b)
+        from lidarcheck.effects.geometry.compiled import shared_cells
+
+        found = np.empty(len(position), dtype=np.int64)
+        shared_cells(np.ascontiguousarray(position), self._axes, borders(self.beams.size), found)
+        return found
 
     def rows(self, cell: IndexArray, slot: npt.NDArray[np.int32] | IndexArray) -> IndexArray:
         """The row of that rank in each cell, or the last there; in a cell that was not fired, the nearest one's.
@@ -210,14 +205,21 @@ class BeamGrid:
         inside = (layer >= 0) & (layer < layers) & (point >= 0) & (point < points)
         return np.where(inside, layer * np.int32(points) + point, 0), inside, gone
 
-    def _lines(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Layer and point in whose direction each position (n, 3) lies, with fractions."""
-        x, y, z = position[:, 0], position[:, 1], position[:, 2]
-        azimuth = elementary.arctan2(y, x)
-        if not self._plain:
-            azimuth = self._unwrapped(azimuth)
-        elevation = elementary.arctan2(z, np.sqrt(x * x + y * y))
-        return _fraction(elevation, self.beams.elevation), _fraction(azimuth, self.beams.azimuth)
+    @functools.cached_property
+    def _axes(self) -> Lines:
+        from lidarcheck.effects.geometry.compiled import Lines
+
+        up, aside = self.beams.elevation, self.beams.azimuth
+        return Lines(
+            (float(1.0 / np.deg2rad(up.step_deg)), float(1.0 / np.deg2rad(aside.step_deg))),
+            (up.first_deg / up.step_deg, aside.first_deg / aside.step_deg),
+            self._middle_rad,
+            self._plain,
+            (self.beams.layers, self.beams.points),
+            self.stride,
+            self.offset,
+            self.goes_round,
+        )
 
     @property
     def _plain(self) -> bool:
@@ -225,11 +227,15 @@ class BeamGrid:
         azimuth = self.beams.azimuth
         return max(abs(azimuth.first_deg), abs(float(azimuth.angle_deg(azimuth.count - 1)))) < 180.0
 
+    @property
+    def _middle_rad(self) -> float:
+        """The azimuth in the middle of the field of view."""
+        axis = self.beams.azimuth
+        return float(np.deg2rad(float(axis.angle_deg(0.5 * (axis.count - 1)))))
+
     def _unwrapped(self, azimuth_rad: FloatArray) -> FloatArray:
         """The same angles within half a turn of the middle of the field of view."""
-        axis = self.beams.azimuth
-        middle = np.deg2rad(float(axis.angle_deg(0.5 * (axis.count - 1))))
-        turns = np.rint((middle - azimuth_rad) / (2.0 * np.pi))
+        turns = np.rint((self._middle_rad - azimuth_rad) / (2.0 * np.pi))
         return np.asarray(azimuth_rad + (2.0 * np.pi * turns).astype(azimuth_rad.dtype))
 
 
@@ -238,21 +244,9 @@ def _pitch_deg(beams: GridBeams) -> tuple[float, float]:
     return abs(beams.elevation.step_deg), abs(beams.azimuth.step_deg)
 
 
-def _fraction(angle_rad: FloatArray, axis: Axis) -> FloatArray:
-    """The index of angles on an axis, with fractions."""
-    return np.asarray(angle_rad * (1.0 / np.deg2rad(axis.step_deg)) - axis.first_deg / axis.step_deg)
-
-
 def _fraction32(angle_rad: npt.NDArray[np.float32], axis: Axis) -> npt.NDArray[np.float32]:
     per_rad = np.float32(np.rad2deg(1.0 / axis.step_deg))
     return np.asarray(angle_rad * per_rad + np.float32(-axis.first_deg / axis.step_deg))
-
-
-def _split(line: FloatArray, last: int) -> tuple[IndexArray, FloatArray]:
-    """The line at or below each number and how far beyond it that is, 0 ... 1; within 0 ... last."""
-    line = np.clip(line + 1e-7, 0.0, last)
-    below = np.minimum(line.astype(np.int64), last)
-    return below, line - below
 
 
 def _first(index: IndexArray, stride: int) -> int:

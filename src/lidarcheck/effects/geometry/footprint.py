@@ -9,7 +9,7 @@ import numpy as np
 from lidarcheck import elementary
 from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.effects.geometry.surfaces import LocalSurfaces
-from lidarcheck.rays import Rays
+from lidarcheck.rays import Rays, handed_over
 from lidarcheck.sensor import FWHM_PER_SIGMA
 
 __all__ = ["Spans", "offsets_rad", "spans_of", "spread_rays"]
@@ -38,8 +38,9 @@ def spread_rays(rays: Rays, up_rad: FloatArray, left_rad: FloatArray) -> Rays:
     )
     direction = np.stack([column.ravel() for column in columns], axis=1)
     m = len(up)
-    repeated = (np.repeat(rays.origin_m, m, axis=0), np.repeat(rays.time_s, m), np.repeat(rays.slot, m))
-    return Rays(repeated[0], direction, repeated[1], repeated[2])
+    return handed_over(
+        np.repeat(rays.origin_m, m, axis=0), direction, np.repeat(rays.time_s, m), np.repeat(rays.slot, m)
+    )
 
 
 class Spans(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
@@ -110,26 +111,21 @@ class LocalSurfaces:
 
     def along(self, row: IndexArray, origin: FloatArray, direction: FloatArray) -> FloatArray:
         """Where rays meet those rows' planes, shape (n,); 0: not at all."""
-        there = (row >= 0) & (self.ideal.distance_m[row] > 0.0)
-        m = self.m[row]
-        to_plane = self.offset[row] - np.einsum("ij,ij->i", m, origin)
-        toward = np.einsum("ij,ij->i", m, direction)
-        reach = np.sqrt(np.square(self.point_m[row] - origin).sum(axis=1))
-        distance = np.divide(to_plane, toward, out=np.full(len(row), np.inf), where=toward * reach > 1e-9)
-        distance = np.clip(distance, reach / _STRETCH, reach * _STRETCH)
-        same = (np.abs(direction - self.rays.direction[row]).max(axis=1, initial=0.0) < 1e-12) & (
-            np.abs(origin - self.rays.origin_m[row]).max(axis=1, initial=0.0) < 1e-12
-        )
-        distance = np.where(same, self.ideal.distance_m[row], distance)
-        return np.where(there & (to_plane > 0.0), distance, 0.0)
+        from lidarcheck.effects.geometry import compiled
+
+        found, own = np.empty(len(row)), (self.rays.origin_m, self.rays.direction)
+        origin, direction = np.ascontiguousarray(origin), np.ascontiguousarray(direction)
+        planes, met = (self.m, self.offset), self.ideal.distance_m
+        compiled.along(row, origin, direction, planes, self.point_m, own, met, _STRETCH, found)
+        return found
 
     def incidence_deg(self, row: IndexArray, direction: FloatArray) -> FloatArray:
         """The stated incidence, changed by as much as a ray's angle to the plane differs from the beam's own; (n,)."""
-        m = self.m[row]
-        angle = _angle_deg(np.einsum("ij,ij->i", m, direction), m)
-        same = np.abs(direction - self.rays.direction[row]).max(axis=1, initial=0.0) < 1e-12
-        change = np.where(same, 0.0, angle - self.own_deg[row])
-        return np.clip(self.ideal.incidence_deg[row] + change, 0.0, 90.0)
+        from lidarcheck.effects.geometry import compiled
+
+        found, own = np.empty(len(row)), (self.own_deg, self.rays.direction)
+        compiled.incidence_deg(row, np.ascontiguousarray(direction), self.m, *own, self.ideal.incidence_deg, found)
+        return found
 
     def follow(
         self, origin: FloatArray, direction: FloatArray, slot: Slots, pick: Pick, start_m: float = _FAR_M
@@ -228,16 +224,19 @@ class LocalSurfaces:
         if len(self.ideal) == 0:
             none = np.zeros(n, dtype=np.int32)
             return Hits(np.zeros(n), none, none, np.zeros(n), np.zeros((n, 3)))
-        length = np.sqrt(np.square(self.m).sum(axis=1))
-        inverse = np.divide(-1.0, length, out=np.zeros(len(length)), where=self.known & (length > 0.0))[row]
         number = self.ideal.object_id
         return Hits(
             distance_m=distance,
             material_id=np.where(row >= 0, self.ideal.material_id[row], 0).astype(np.int32),
             object_id=np.zeros(n, dtype=np.int32) if number is None else np.where(row >= 0, number[row], 0),
             incidence_deg=np.where(met, self.incidence_deg(row, rays.direction), 0.0),
-            normal=self.m[row] * np.where(met, inverse, 0.0)[:, None],
+            normal=np.where(met[:, None], self._normal[row], 0.0),
         )
+
+    @functools.cached_property
+    def _normal(self) -> FloatArray:
+        """The rows' unit normals, towards the sensor; 0 where neighbours do not tell the slope; (n, 3)."""
+        return _unit_normals(self.m, self.known)
 
 
 class Asked(Protocol):
@@ -256,9 +255,13 @@ def surfaces_of(ideal: IdealScan, around: Asked) -> LocalSurfaces:
 
 def normals_of(ideal: IdealScan, around: Asked) -> FloatArray:
     """The unit normals, towards the sensor, of the rows of an ideal scan; 0 where a row meets nothing; (n, 3)."""
-    m = surfaces_of(ideal, around).m
+    return _unit_normals(surfaces_of(ideal, around).m)
+
+
+def _unit_normals(m: FloatArray, known: npt.NDArray[np.bool_] | bool = True) -> FloatArray:
+    """The unit vectors against m, (n, 3); 0 where m is 0 or not known."""
     length = np.sqrt(np.square(m).sum(axis=1))
-    inverse = np.divide(-1.0, length, out=np.zeros(len(length)), where=length > 0.0)
+    inverse = np.divide(-1.0, length, out=np.zeros(len(length)), where=known & (length > 0.0))
     return np.asarray(m * inverse[:, None])
 
 
