@@ -18,7 +18,7 @@ from lidarcheck.scan import IdealScan
 from lidarcheck.sensor.grid import Axis, GridBeams
 
 if TYPE_CHECKING:
-    from lidarcheck.effects.geometry.compiled import Lines
+    from lidarcheck.effects.geometry.compiled import Lines, Rows
 
 __all__ = ["BeamGrid", "nearest_marked"]
 
@@ -115,7 +115,7 @@ class BeamGrid:
         from lidarcheck.effects.geometry.compiled import nearest_cells
 
         found = np.empty(len(position), dtype=np.int64)
-        nearest_cells(np.ascontiguousarray(position), self._axes, self.beams.azimuth.turns, found)
+        nearest_cells(np.ascontiguousarray(position), self.lines, self.beams.azimuth.turns, found)
         return found
 
     def cells(self, position: FloatArray) -> IndexArray:
@@ -128,7 +128,7 @@ class BeamGrid:
         from lidarcheck.effects.geometry.compiled import shared_cells
 
         found = np.empty(len(position), dtype=np.int64)
-        shared_cells(np.ascontiguousarray(position), self._axes, borders(self.beams.size), found)
+        shared_cells(np.ascontiguousarray(position), self.lines, borders(self.beams.size), found)
         return found
 
     def rows(self, cell: IndexArray, slot: npt.NDArray[np.int32] | IndexArray) -> IndexArray:
@@ -157,6 +157,12 @@ class BeamGrid:
         there = inside & (self.slot < self.count[cell])
         place = np.where(there, self.first[cell] + self.slot, 0)
         return np.where(there, self.order[place], -1) if len(self.order) else np.full(len(layer), -1)
+
+    def cells_of(self, ideal: IdealScan) -> Rows:
+        """Which cell each row lies in, and each cell's rows, as compiled code knows them."""
+        from lidarcheck.effects.geometry.compiled import Rows
+
+        return Rows(ideal.layer, ideal.point, self.slot, self.first, self.count, self.order)
 
     def neighbours(self, ideal: IdealScan) -> tuple[IndexArray, ...]:
         """For each row those beside it, -1 for none: shape (n,) each."""
@@ -206,7 +212,8 @@ class BeamGrid:
         return np.where(inside, layer * np.int32(points) + point, 0), inside, gone
 
     @functools.cached_property
-    def _axes(self) -> Lines:
+    def lines(self) -> Lines:
+        """Layers and points as compiled code knows them."""
         from lidarcheck.effects.geometry.compiled import Lines
 
         up, aside = self.beams.elevation, self.beams.azimuth

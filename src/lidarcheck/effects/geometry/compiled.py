@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from lidarcheck.elementary.compiled import angle_of
 from lidarcheck.jit import inlined, kernel
 
-__all__ = ["Lines", "along", "incidence_deg", "nearest_cells", "shared_cells", "spread_of"]
+__all__ = ["Lines", "Rows", "along", "incidence_deg", "nearest_cells", "shared_cells", "slopes", "spread_of"]
 
 _SAME, _NUDGE = 1e-12, 1e-7
 _DEG_PER_RAD = 180.0 / math.pi
@@ -171,8 +171,8 @@ def shared_cells(
 @kernel
 def spread_of(
     distance_m: FloatArray,
-    material: npt.NDArray[np.int32],
-    number: npt.NDArray[np.int32],
+    material: IntArray,
+    number: IntArray,
     least_m: float,
     found: BoolArray,
 ) -> None:
@@ -183,3 +183,92 @@ def spread_of(
             low, high = min(low, distance_m[i, j]), max(high, distance_m[i, j])
             other |= material[i, j] != material[i, 0] or number[i, j] != number[i, 0]
         found[i] = other or high - low > least_m or (low == 0.0 and high > 0.0)
+
+
+class Rows(NamedTuple):
+    """What each row of a scan lies in: `layer`, `point` and `slot`, its rank there, (n,); and the rows of each cell.
+
+    `first`, `counts` (cells,), `order` (n,): as `BeamGrid` has them.
+    """
+
+    layer: IntArray
+    point: IntArray
+    slot: IntArray
+    first: IndexArray
+    counts: IndexArray
+    order: IndexArray
+
+
+@inlined
+def _beside(i: int, layers: int, points: int, rows: Rows, lines: Lines) -> Any:
+    """The row of equal rank that many strides up and to the left; -1: there is none."""
+    layer = np.int64(rows.layer[i]) + layers * lines.stride[0]
+    point = np.int64(rows.point[i]) + points * lines.stride[1]
+    if lines.round:
+        point %= lines.counts[1]
+    if not (0 <= layer < lines.counts[0] and 0 <= point < lines.counts[1]):
+        return np.int64(-1)
+    cell = layer * lines.counts[1] + point
+    if rows.slot[i] >= rows.counts[cell]:
+        return np.int64(-1)
+    return rows.order[rows.first[cell] + rows.slot[i]]
+
+
+@kernel
+def slopes(
+    q: FloatArray,
+    label: IntArray,
+    rows: Rows,
+    lines: Lines,
+    vertical: bool,
+    step: tuple[float, float],
+    limits: tuple[float, float, float],
+    value: FloatArray,
+    side: FloatArray,
+    known: BoolArray,
+) -> None:
+    """dq/dangle, to which side it was taken, -1, 0 or 1, and whether it is known; (n,) each: `planes._slopes`.
+
+    Of the two one-sided slopes and the central one it is the one along which q bends least. `step`: sine and cosine of
+    the angle from a row to the next; `limits`: of the bend, of itself and of its step, and of two rows alone.
+    """
+    sine, cosine = step
+    for i in range(len(q)):
+        value[i], side[i], known[i] = 0.0, 0.0, False
+        if q[i] == 0.0:
+            continue
+        up, left = (1, 0) if vertical else (0, 1)
+        after, behind = _beside(i, up, left, rows, lines), _beside(i, -up, -left, rows, lines)
+        second, third = _beside(i, 2 * up, 2 * left, rows, lines), _beside(i, -2 * up, -2 * left, rows, lines)
+        near = after >= 0 and q[after] > 0.0 and label[after] == label[i]
+        back = behind >= 0 and q[behind] > 0.0 and label[behind] == label[i]
+        next_ = near and second >= 0 and q[second] > 0.0 and label[second] == label[i]
+        last = back and third >= 0 and q[third] > 0.0 and label[third] == label[i]
+        forward, backward = q[after] - q[i], q[i] - q[behind]
+        best, at, bend = math.inf, 0.0, 0.0
+        if near and back:
+            bend, change = 0.5 * abs(forward - backward), 0.5 * (forward + backward)
+            if bend <= max(limits[0] * q[i], limits[1] * abs(change)):
+                best = bend
+        if next_:
+            bend = abs(q[second] - q[after] - forward)
+            if bend < best and bend <= max(limits[0] * q[i], limits[1] * abs(forward)):
+                best, at = bend, 1.0
+        if last:
+            bend = abs(backward - q[behind] + q[third])
+            if bend < best and bend <= max(limits[0] * q[i], limits[1] * abs(backward)):
+                best, at = bend, -1.0
+        if not (next_ or last or (near and back)):
+            if near and abs(forward) <= limits[2] * q[i]:
+                best, at = 0.0, 1.0
+            if back and abs(backward) <= limits[2] * q[i]:
+                best, at = 0.0, -1.0
+        if best == math.inf:
+            continue
+        known[i], side[i] = True, at
+        if at > 0.0:
+            value[i] = (q[after] - q[i] * cosine) / sine
+        elif at < 0.0:
+            value[i] = (q[i] * cosine - q[behind]) / sine
+        else:
+            value[i] = 0.5 * (forward + backward) / sine

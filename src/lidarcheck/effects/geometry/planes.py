@@ -77,30 +77,12 @@ def same_surface(ideal: IdealScan, row: IndexArray) -> BoolArray:
 
 def _slope(ideal: IdealScan, grid: BeamGrid, q: FloatArray, step_rad: float, *, vertical: bool) -> _Slope:
     """Of the two one-sided slopes and the central one, the one along which q bends least."""
-    if len(q) == 0:
-        return _Slope(q, np.zeros(0, dtype=bool), q)
-    beside, near = {}, {}
-    for k in (-2, -1, 1, 2):
-        row = grid.beside(ideal, k, 0) if vertical else grid.beside(ideal, 0, k)
-        near[k] = same_surface(ideal, row)
-        beside[k] = q[row]
-    sine, cosine = elementary.sin(step_rad), elementary.cos(step_rad)
-    forward, backward = beside[1] - q, q - beside[-1]
-    best = np.full(len(q), np.inf)
-    value, side = np.zeros(len(q)), np.zeros(len(q))
-    candidates = (
-        (near[-1] & near[1], 0.5 * np.abs(forward - backward), 0.5 * (forward + backward), 0),
-        (near[1] & near[2], np.abs(beside[2] - beside[1] - forward), forward, 1),
-        (near[-1] & near[-2], np.abs(backward - beside[-1] + beside[-2]), backward, -1),
-    )
-    for there, bend, change, at in candidates:
-        smooth = there & (bend < best) & (bend <= np.maximum(_BEND * q, _BEND_OF_STEP * np.abs(change)))
-        best[smooth], side[smooth] = bend[smooth], at
-    tripled = (near[1] & near[2]) | (near[-1] & near[-2]) | (near[1] & near[-1])
-    for there, change, at in ((near[1], forward, 1), (near[-1], backward, -1)):
-        pair = there & ~tripled & (np.abs(change) <= _STEP * q)
-        best[pair], side[pair] = 0.0, at
-    known = best < np.inf
-    value = np.where(side > 0, beside[1] - q * cosine, np.where(side < 0, q * cosine - beside[-1], 0.0))
-    value = np.where(side == 0, 0.5 * (forward + backward), value) / sine
-    return _Slope(np.where(known, value, 0.0), known, side)
+    from lidarcheck.effects.geometry.compiled import slopes
+
+    n = len(q)
+    found = _Slope(np.empty(n), np.empty(n, dtype=bool), np.empty(n))
+    label = ideal.material_id if ideal.object_id is None else ideal.object_id
+    step = float(elementary.sin(step_rad)), float(elementary.cos(step_rad))
+    limits = _BEND, _BEND_OF_STEP, _STEP
+    slopes(q, label, grid.cells_of(ideal), grid.lines, vertical, step, limits, found.value, found.side, found.known)
+    return found
