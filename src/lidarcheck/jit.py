@@ -22,6 +22,8 @@ from typing import Any, TypeVar, cast
 import numba
 from numba import types
 
+from lidarcheck import jit_parts
+
 __all__ = ["base_directory", "cache_directory", "inlined", "kernel", "source_hash"]
 
 _KEPT_CACHES = 6
@@ -45,7 +47,7 @@ def _sources(root: Path) -> list[Path]:
     """What kernels and the echoes kept beside them are made with; searches and other programs have no part in that."""
     found = (path for part in ("elementary", "model", "effects") for path in (root / part).rglob("*.py"))
     kept = (path for path in found if not {"search", "external"} & set(path.relative_to(root).parts))
-    return sorted([Path(__file__).resolve(), *kept])
+    return sorted([Path(__file__).resolve(), Path(jit_parts.__file__).resolve(), *kept])
 
 
 @cache
@@ -152,33 +154,36 @@ for callers in C: there are none."""
 def kernel(function: _F) -> _F:
     """Compile to machine code without the interpreter's lock, exact IEEE arithmetic, cached on disk.
 
-    A kernel must not allocate: it works in arrays that its caller brings.
+    A kernel must not allocate: it works in arrays that its caller brings. Nor may it call itself.
     """
-    return _compiled(function, inline="never")
+    return _compiled(function, inlined=False)
 
 
 def inlined(function: _F) -> _F:
     """Like `kernel`, for one that is called once a beam: pasted into its caller, since passing arrays costs as well."""
-    return _compiled(function, inline="always")
+    return _compiled(function, inlined=True)
 
 
-def _compiled(function: _F, *, inline: str) -> _F:
+def _compiled(function: _F, *, inlined: bool) -> _F:
     settings: Any = numba.config
+    in_parts = jit_parts.are_possible()
+    inline = "always" if inlined and not in_parts else "never"
     before = settings.CACHE_DIR, getattr(settings, "CACHE_LOCATOR_CLASSES", "")
     settings.CACHE_DIR, settings.CACHE_LOCATOR_CLASSES = str(cache_directory()), _PLACES
     try:
         compiled: Any = numba.njit(**{**_OPTIONS, "inline": inline})(function)
     finally:
         settings.CACHE_DIR, settings.CACHE_LOCATOR_CLASSES = before
-    _compile_alike(compiled)
+    if hasattr(compiled, "get_call_template"):  # the GPU's simulator runs plain Python
+        if in_parts:
+            jit_parts.as_part(compiled, inlined=inlined)
+        _compile_alike(compiled)
     return cast(_F, compiled)
 
 
 def _compile_alike(compiled: Any) -> None:
     """Take a literal, such as 0, for any number of its type: a kernel is else compiled once more for it."""
-    template, plain = getattr(compiled, "get_call_template", None), cast(Any, types.unliteral)
-    if template is None:  # the GPU's simulator runs plain Python
-        return
+    template, plain = compiled.get_call_template, cast(Any, types.unliteral)
 
     def of_plain_types(args: Any, keywords: Any) -> Any:
         return template(tuple(map(plain, args)), {name: plain(kind) for name, kind in dict(keywords).items()})
