@@ -167,16 +167,17 @@ def inlined(function: _F) -> _F:
 def _compiled(function: _F, *, inlined: bool) -> _F:
     settings: Any = numba.config
     in_parts = jit_parts.are_possible()
-    inline = "always" if inlined and not in_parts else "never"
+    # By LLVM, or else by numba, which pastes the source and finds its types once more at each place of call.
+    how: dict[str, Any] = {"forceinline": True} if in_parts else {"inline": "always"}
     before = settings.CACHE_DIR, getattr(settings, "CACHE_LOCATOR_CLASSES", "")
     settings.CACHE_DIR, settings.CACHE_LOCATOR_CLASSES = str(cache_directory()), _PLACES
     try:
-        compiled: Any = numba.njit(**{**_OPTIONS, "inline": inline})(function)
+        compiled: Any = numba.njit(**_OPTIONS, **(how if inlined else {}))(function)
     finally:
         settings.CACHE_DIR, settings.CACHE_LOCATOR_CLASSES = before
     if hasattr(compiled, "get_call_template"):  # the GPU's simulator runs plain Python
         if in_parts:
-            jit_parts.as_part(compiled, inlined=inlined)
+            jit_parts.as_part(compiled)
         _compile_alike(compiled)
     return cast(_F, compiled)
 

@@ -27,20 +27,17 @@ def are_possible() -> bool:
     return numba.__version__ in _TESTED
 
 
-def as_part(dispatcher: Any, *, inlined: bool) -> None:
-    """Have other kernels take this one as a part; what Python calls, and keeps on disk, stays numba's own.
-
-    `inlined`: LLVM must paste it into its callers, else it does as it sees fit.
-    """
-    part = _Part(dispatcher, inlined)
+def as_part(dispatcher: Any) -> None:
+    """Have other kernels take this one as a part; what Python calls, and keeps on disk, stays numba's own."""
+    part = _Part(dispatcher)
     dispatcher.get_call_template, dispatcher.get_overload = part.get_call_template, part.get_overload
 
 
 class _Part:
     """What numba asks a kernel for when it compiles a call of it from another one."""
 
-    def __init__(self, dispatcher: Any, inlined: bool) -> None:
-        self._dispatcher, self._inlined = dispatcher, inlined
+    def __init__(self, dispatcher: Any) -> None:
+        self._dispatcher = dispatcher
         self._lowered: dict[tuple[Any, ...], Any] = {}
 
     def get_call_template(self, args: Any, keywords: Any) -> tuple[Any, Any, Any, dict[str, Any]]:
@@ -57,16 +54,15 @@ class _Part:
     def _result(self, kinds: Any) -> Any:
         kinds = tuple(kinds)
         if kinds not in self._lowered:
-            self._lowered[kinds] = _lower(self._dispatcher, kinds, self._inlined)
+            self._lowered[kinds] = _lower(self._dispatcher, kinds)
         return self._lowered[kinds]
 
 
-def _lower(dispatcher: Any, kinds: tuple[Any, ...], inlined: bool) -> Any:
+def _lower(dispatcher: Any, kinds: tuple[Any, ...]) -> Any:
     """Compile a kernel as far as LLVM's language; whoever calls it links all that it needs with it."""
     target, flags = dispatcher.targetdescr, _compiler.Flags()
     target.options.parse_as_flags(flags, dispatcher.targetoptions)
     flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
-    flags.forceinline = inlined
     context = target.target_context
     library = context.codegen().create_library(dispatcher.__qualname__)
     found = _compiler.compile_extra(
