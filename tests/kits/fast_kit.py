@@ -22,6 +22,8 @@ SMALL = Grid(sample_bits=6)
 SMALL_LEVEL = Grid(sample_bits=4)
 """The same for each level of background."""
 FRAME = LAYERS * POINTS
+BACKGROUNDS = 512
+"""Steps of a background that varies: the exact chain makes a table for each, and runs beams of one side by side."""
 OCTAVES = range(-8, 14)
 """From S far below what any sensor sees to all detectors in saturation."""
 MEANS = ("detected", "echoes", "width", "area", "peak", "range")
@@ -43,18 +45,20 @@ def small_library(directory: Path, grid: Grid = SMALL) -> Iterator[None]:
 def frame_light(seed: int, background: float | tuple[float, float], octaves: range = OCTAVES) -> Light:
     """A frame of beams with one pulse each: S even in its logarithm, ranges anywhere between 10 and 200 m.
 
-    `background`: of all beams, or the least and the most, between which it is even in its logarithm.
+    `background`: of all beams, or the least and the most, between which it is even in its logarithm, in
+    `BACKGROUNDS` steps.
     """
     rng = np.random.default_rng(seed)
     least, most = np.broadcast_to(background, 2)
     layer, point = np.divmod(np.arange(FRAME), POINTS)
+    steps = np.random.default_rng([seed, 1]).integers(0, BACKGROUNDS, FRAME) / (BACKGROUNDS - 1)
     return Light(
         layer=layer,
         point=point,
         first_pulse=np.arange(FRAME + 1),
         pulse_range_m=rng.uniform(10.0, 200.0, FRAME),
         pulse_signal=2.0 ** rng.uniform(octaves.start, octaves.stop, FRAME),
-        background_per_ns=least * (most / least) ** rng.uniform(0.0, 1.0, FRAME) if least > 0.0 else np.zeros(FRAME),
+        background_per_ns=least * (most / least) ** steps if least > 0.0 else np.zeros(FRAME),
     )
 
 

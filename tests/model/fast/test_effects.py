@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fast_kit import feature_p_values, joint_p_value, mean_p_values, plant, sample, small_library
+from fast_kit import BACKGROUNDS, feature_p_values, joint_p_value, mean_p_values, plant, sample, small_library
 from lidarcheck.effects import make
 from lidarcheck.model import echoes_of
 from lidarcheck.model.fast import library
@@ -76,10 +76,11 @@ def test_beams_are_those_of_the_exact_chain(
 
 
 def dark(n: int, least: float, most: float) -> Light:
-    """Beams that nothing but background comes back to, which rises from beam to beam."""
+    """Beams that nothing but background comes back to, which rises in `BACKGROUNDS` steps."""
     layer, point = np.divmod(np.arange(n), POINTS)
     none = np.empty(0)
-    return Light(layer, point, np.geomspace(least, most, n), np.zeros(n + 1, dtype=np.int64), none, none)
+    background = np.geomspace(least, most, BACKGROUNDS)[np.arange(n) * BACKGROUNDS // n]
+    return Light(layer, point, background, np.zeros(n + 1, dtype=np.int64), none, none)
 
 
 @pytest.mark.parametrize(
