@@ -16,6 +16,8 @@ from pathlib import Path
 from types import CodeType, FrameType, ModuleType
 from typing import Any
 
+import mutants_marks
+
 from lidarcheck.harness.check import check
 from lidarcheck.harness.gate.evidence import GATE_LEVEL, PAIRED_SEEDS
 from lidarcheck.harness.gate.seeds import GOLDEN_SEEDS, SeedRecord, record_of
@@ -101,8 +103,6 @@ def trace(tasks: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """A line a scenario: its seconds, its echoes' digests, whether the check holds, and the lines that it runs."""
     for task in tasks:
         signal.setitimer(signal.ITIMER_PROF, task["limit_s"])
-        if task["fidelity"] != "exact" and open_run(Path(task["file"])).model.effects:
-            continue  # they have been asked on the other path, and are the same on this
         begin = time.process_time()
         with Lines() as lines:
             asked = Asked(task["file"], task["fidelity"])
@@ -120,7 +120,7 @@ def trace(tasks: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
 
 
 class Lines:
-    """Which lines of the model and the effects run inside a `with`; of compiled kernels all that could be called."""
+    """Which lines of the model and the effects run inside a `with`; of unmarked kernels all that could be called."""
 
     def __init__(self) -> None:
         self._lines: dict[str, set[int]] = {}
@@ -128,6 +128,7 @@ class Lines:
         self._ours = tuple(f"{PACKAGE / part}/" for part in ("model", "effects"))
 
     def __enter__(self) -> Lines:
+        mutants_marks.clear()
         sys.settrace(self._called)
         return self
 
@@ -150,7 +151,11 @@ class Lines:
     def found(self) -> dict[str, set[int]]:
         """Lines by file, as paths below the package."""
         lines = {file: set(numbers) for file, numbers in self._lines.items()}
+        for file, numbers in mutants_marks.found().items():
+            lines.setdefault(file, set()).update(numbers)
         for code in kernels_of(self._codes):
+            if mutants_marks.NAME in code.co_names or not code.co_filename.startswith(self._ours):
+                continue
             lines.setdefault(code.co_filename, set()).update(n for _, _, n in code.co_lines() if n is not None)
         return {Path(file).relative_to(PACKAGE).as_posix(): numbers for file, numbers in lines.items()}
 

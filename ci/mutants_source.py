@@ -68,7 +68,8 @@ class Scratch:
         """(exit code, lines, errors) of the worker with the mutant in the source."""
         # Kernels that the error does not reach are not compiled again.
         fresh = [kernel for kernel in self.spans if mutant is None or not self._reaches(mutant, kernel)]
-        given = json.dumps({"kernels": str(self.kernels), "fresh": fresh, "tasks": tasks})
+        kernels = self.kernels / ("marked" if what == "trace" else "plain")
+        given = json.dumps({"kernels": str(kernels), "fresh": fresh, "tasks": tasks})
         code, output, errors = self.run([str(WORKER), what], mutant, given, limit_s)
         return code, [json.loads(line) for line in output.splitlines()], errors
 

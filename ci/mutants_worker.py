@@ -1,11 +1,14 @@
 """What runs in the source with the error: `mutants_worker.py judge|trace|kernels|tests`, tasks on the standard input.
 
 Brings the compiled kernels that the error does not reach, does the tasks, printing a line of JSON each, and keeps what
-was compiled besides. Processor time and memory beyond all need end the process.
+was compiled besides. To be traced, kernels are marked, before anything of the package is imported. Processor time and
+memory beyond all need end the process.
 """
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import json
 import os
 import resource
@@ -13,9 +16,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import mutants_scenarios
-
-from lidarcheck import jit
+import mutants_marks
 
 MOST_BYTES = 8 << 30
 
@@ -23,7 +24,10 @@ MOST_BYTES = 8 << 30
 def main() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
     given, what = json.load(sys.stdin), sys.argv[1]
-
+    if what == "trace":
+        mutants_marks.put(Path(*importlib.util.find_spec("lidarcheck").submodule_search_locations))
+    mutants_scenarios = importlib.import_module("mutants_scenarios")
+    jit = importlib.import_module("lidarcheck.jit")
     kernels, cache, fresh = Path(given["kernels"]), jit.cache_directory(), set(given["fresh"])
     _bring(kernels, cache, fresh)
     if what == "tests":

@@ -1,6 +1,8 @@
 """The errors that `ci/mutants` puts into the source, and what it keeps of a run."""
 
 import ast
+import os
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -180,6 +182,69 @@ def test_which_lines_run(tools: tuple[ModuleType, ModuleType]) -> None:
     assert file == "effects/shared/draws.py"
     assert "ndtri(np.maximum" in ran
     assert "pdtr" not in ran, "of a function that is not called"
+
+
+KERNEL = """from __future__ import annotations
+
+from lidarcheck.jit import inlined, kernel
+
+
+@inlined
+def half(n: int) -> int:
+    if n % 2:
+        return -1
+    return n // 2
+
+
+@kernel
+def steps(n: int) -> int:
+    found = 0
+    while n > 1:
+        if n > 100:
+            found += 1000
+        elif n == 6:
+            n = half(n)
+            continue
+        n -= 1
+        found += 1
+    return found
+"""
+
+
+def test_which_lines_of_kernels_run(tmp_path: Path) -> None:
+    (tmp_path / "model").mkdir()
+    (tmp_path / "model/thing.py").write_text(KERNEL, encoding="utf-8")
+    code = f"""
+import sys
+sys.path[:0] = {[str(ROOT / "ci"), str(tmp_path / "model")]}
+import pathlib, mutants_marks
+mutants_marks.put(pathlib.Path({str(tmp_path)!r}))
+import thing
+for n in (1, 8):
+    mutants_marks.clear()
+    steps = thing.steps(n)
+    print(steps, sorted(mutants_marks.found()[{str(tmp_path / "model/thing.py")!r}]))
+"""
+    environment = {**os.environ, "LIDARCHECK_CACHE": str(tmp_path / "cache")}
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
+    rows = KERNEL.splitlines()
+    first, second = ran.stdout.splitlines()
+    assert first.split(maxsplit=1)[0] == "0"
+    assert [rows[n - 1].strip() for n in ast.literal_eval(first.split(maxsplit=1)[1])] == [
+        "found = 0",
+        "while n > 1:",
+        "return found",
+    ]
+    assert second.split(maxsplit=1)[0] == "4"
+    missed = set(range(7, len(rows) + 1)) - set(ast.literal_eval(second.split(maxsplit=1)[1]))
+    assert {rows[n - 1].strip() for n in missed} == {
+        "def half(n: int) -> int:",
+        "return -1",
+        "",
+        "@kernel",
+        "def steps(n: int) -> int:",
+        "found += 1000",
+    }
 
 
 class Place:
