@@ -13,7 +13,8 @@ from lidarcheck.cli.bench.scene import lab_model, signs_frame
 from lidarcheck.effects import make
 from lidarcheck.model import Model, echoes_of, light_of, simulate
 from lidarcheck.model.fast import hazy, histories
-from lidarcheck.model.fast.histories import HISTORIES
+from lidarcheck.model.fast.histories import HISTORIES, LEAST
+from lidarcheck.model.stages import run_and_light
 from lidarcheck.scan import IdealScan, Light, Scan
 from reference_grid import LAYERS, POINTS
 
@@ -48,12 +49,12 @@ def echoes_a_beam(scan: Scan, frame: IdealScan) -> np.ndarray:
     return np.bincount(of_beam[beam], minlength=4)
 
 
-def p_values(ours: Scan, exact: Scan, frame: IdealScan) -> dict[str, float]:
+def p_values(ours: Scan, exact: Scan, frame: IdealScan, histories: int = HISTORIES) -> dict[str, float]:
     """Of the numbers of echoes, and of each feature of first, second and third echoes; beams share histories."""
     found = {}
     numbers = echoes_a_beam(ours, frame), echoes_a_beam(exact, frame)
     shares = [n / n.sum() for n in numbers]
-    size = 1.0 / (1.0 / numbers[0].sum() + 1.0 / HISTORIES + 1.0 / numbers[1].sum())
+    size = 1.0 / (1.0 / numbers[0].sum() + 1.0 / histories + 1.0 / numbers[1].sum())
     pooled = 0.5 * (shares[0] + shares[1])
     used = pooled * size > 10
     statistic = size * np.sum((shares[0] - shares[1])[used] ** 2 / pooled[used])
@@ -63,7 +64,7 @@ def p_values(ours: Scan, exact: Scan, frame: IdealScan) -> dict[str, float]:
             a, b = (getattr(scan, name)[scan.echo_number == echo] for scan in (ours, exact))
             if min(len(a), len(b)) > 200:
                 distance = stats.ks_2samp(a, b, method="asymp").statistic
-                n = 1.0 / (1.0 / len(a) + 1.0 / (HISTORIES * len(a) / len(frame)) + 1.0 / len(b))
+                n = 1.0 / (1.0 / len(a) + 1.0 / (histories * len(a) / len(frame)) + 1.0 / len(b))
                 found[f"{name} of echo {echo}"] = float(special.kolmogorov(distance * np.sqrt(n)))
     return found
 
@@ -73,6 +74,12 @@ def p_values(ours: Scan, exact: Scan, frame: IdealScan) -> dict[str, float]:
     [
         ("SMART", {"fog": {"mor_m": 200.0}}),
         ("SMART", {"fog": {"mor_m": 60.0}, "ambient_light": {}, "retro_ghost": {}, "rain": {}}),
+        ("SMART", {"fog": {"mor_m": 100.0, "patchiness": 0.3}, "beam_divergence": {}}),
+        pytest.param(
+            "SLIM",
+            {"fog": {"mor_m": 60.0, "patchiness": 0.6}, "beam_divergence": {}, "ambient_light": {}, "blockage": {}},
+            marks=pytest.mark.long,
+        ),
         pytest.param(
             "SLIM", {"fog": {"mor_m": 100.0}, "ambient_light": {"rate_per_ns": 0.0003}}, marks=pytest.mark.long
         ),
@@ -83,22 +90,26 @@ def test_beams_in_haze_are_those_of_the_exact_chain(
     variant: str, effects: dict[str, dict[str, Any]], frame: IdealScan
 ) -> None:
     """And air that scatters 4 % more is told from it."""
-    model = model_with(variant, **effects)
-    ours, exact = (simulate(frame, model, seed=seed, fidelity=kind) for seed, kind in ((2, "fast"), (1, "exact")))
+    light, model = light_in(frame, variant, effects)
+    exact = echoes_of(light, model.sensor, seed=1)
+    ours = echoes_of(light, model.sensor, seed=2, fidelity="fast")
     assert not np.array_equal(ours.area, exact.area)
     found = p_values(ours, exact, frame)
     assert len(found) > 8
     assert min(found.values()) > LEVEL / len(found), found
-    thicker = {**effects, "fog": {**effects["fog"], "backscatter": 0.048}}
-    other = p_values(simulate(frame, model_with(variant, **thicker), seed=2, fidelity="fast"), exact, frame)
+    thicker, _ = light_in(frame, variant, {**effects, "fog": {**effects["fog"], "backscatter": 0.048}})
+    other = p_values(echoes_of(thicker, model.sensor, seed=2, fidelity="fast"), exact, frame)
     assert min(other.values()) < LEVEL / len(found), other
 
 
-def hazy_light(frame: IdealScan, mor_m: float = 200.0) -> tuple[Light, Model]:
-    from lidarcheck.model.stages import run_and_light
-
-    model = model_with("SMART", fog={"mor_m": mor_m}, ambient_light={})
+def light_in(frame: IdealScan, variant: str, effects: dict[str, dict[str, Any]]) -> tuple[Light, Model]:
+    """What comes back to the beams, with what chance does to the air and the glass drawn once."""
+    model = model_with(variant, **effects)
     return run_and_light(frame, model, 1, 0, None, None, None)[1], model
+
+
+def hazy_light(frame: IdealScan, mor_m: float = 200.0) -> tuple[Light, Model]:
+    return light_in(frame, "SMART", {"fog": {"mor_m": mor_m}, "ambient_light": {}})
 
 
 def test_the_same_bytes_for_any_threads_and_order_and_histories_are_kept(
@@ -106,9 +117,9 @@ def test_the_same_bytes_for_any_threads_and_order_and_histories_are_kept(
 ) -> None:
     model = model_with("SMART", fog={"mor_m": 200.0}, ambient_light={})
     first = simulate(frame, model, seed=1, threads=1, fidelity="fast")
-    monkeypatch.setattr(histories, "_simulate", lambda *_: pytest.fail("drawn again"))
+    monkeypatch.setattr(histories, "_simulated", lambda *_: pytest.fail("drawn again"))
     turned = frame.take(np.random.default_rng(0).permutation(len(frame)))
-    monkeypatch.setattr(hazy, "_CHUNK", 1000)
+    monkeypatch.setattr(hazy, "CHUNK", 1000)
     for again in (
         simulate(frame, model, seed=1, threads=3, fidelity="fast"),
         simulate(turned, model, seed=1, fidelity="fast"),
@@ -118,20 +129,28 @@ def test_the_same_bytes_for_any_threads_and_order_and_histories_are_kept(
     assert not np.array_equal(first.area, simulate(frame, model, seed=1, frame=1, fidelity="fast").area)
 
 
-def test_beams_that_see_less_of_the_haze_go_through_the_exact_chain(frame: IdealScan) -> None:
+def test_beams_that_see_other_parts_of_the_haze_draw_histories_of_those(frame: IdealScan) -> None:
+    """Ever less of it from beam to beam, some none; only beams that see next to none go through the exact chain."""
     light, model = hazy_light(frame)
     assert light.haze is not None
-    odd = np.arange(len(light)) % 5 == 0
-    light = replace(light, haze=replace(light.haze, row_share=np.where(odd, 0.7, light.haze.row_share)))
+    share = np.linspace(1.5, 0.02, len(light))
+    share[::7] = 0.0
+    light = replace(light, haze=replace(light.haze, row_share=share))
     ours, exact = (echoes_of(light, model.sensor, seed=1, fidelity=kind) for kind in ("fast", "exact"))
+    found = p_values(ours, exact, frame, LEAST)
+    assert min(found.values()) > LEVEL / len(found), found
     rows = {beam: row for row, beam in enumerate(light.layer.astype(np.int64) * POINTS + light.point)}
-    of_odd = [
-        scan.take(np.array([odd[rows[beam]] for beam in scan.layer.astype(np.int64) * POINTS + scan.point]))
-        for scan in (ours, exact)
-    ]
-    np.testing.assert_array_equal(of_odd[0].area, of_odd[1].area)
-    np.testing.assert_array_equal(of_odd[0].x_m, of_odd[1].x_m)
-    assert not np.array_equal(ours.area, exact.area)
+    seen = [share[[rows[beam] for beam in scan.layer.astype(np.int64) * POINTS + scan.point]] for scan in (ours, exact)]
+    few = [scan.take((part > 0.0) & (part < 0.0625)) for scan, part in zip((ours, exact), seen, strict=True)]
+    np.testing.assert_array_equal(few[0].area, few[1].area)
+    assert len(few[0]) > 100
+    # Each quarter of the parts by itself: a level too far off would hide among the others.
+    for low in (0.1, 0.4, 0.8, 1.2):
+        areas = [
+            scan.area[(part > low) & (part < low + 0.3) & (scan.echo_number == 1)]
+            for scan, part in zip((ours, exact), seen, strict=True)
+        ]
+        assert stats.ks_2samp(*areas).pvalue > LEVEL / 4, low
 
 
 def test_haze_without_light_is_no_haze(frame: IdealScan) -> None:

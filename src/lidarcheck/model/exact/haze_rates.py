@@ -12,6 +12,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.jit import inlined, kernel
@@ -112,16 +113,36 @@ def _rows_by_end(haze: Haze) -> tuple[IndexArray, FloatArray, FloatArray]:
     lit = (haze.row_share > 0.0) & (haze.row_end_m > 0.0)
     if lit.all() and _one_each(haze.first_row):
         return haze.first_row.copy(), haze.row_end_m.copy(), haze.row_share.copy()
-    beam = np.repeat(np.arange(len(haze.first_row) - 1), np.diff(haze.first_row))
-    kept = np.flatnonzero(lit)
-    if len(kept) < len(beam):
-        beam = beam[kept]
-    end, share = haze.row_end_m[kept], haze.row_share[kept]
-    if np.any((beam[1:] == beam[:-1]) & (end[1:] < end[:-1])):
-        order = np.lexsort((share, end, beam))
-        end, share = end[order], share[order]
-    rows = np.bincount(beam, minlength=len(haze.first_row) - 1)
-    return np.concatenate([[0], np.cumsum(rows)]).astype(np.int64), end, share
+    first, end, share = np.zeros_like(haze.first_row), np.empty(len(lit)), np.empty(len(lit))
+    kept = _sort_rows(haze.first_row, haze.row_end_m, haze.row_share, lit, first, end, share)
+    return first, end[:kept], share[:kept]
+
+
+@kernel
+def _sort_rows(
+    first: IndexArray,
+    row_end: FloatArray,
+    row_share: FloatArray,
+    lit: npt.NDArray[np.bool_],
+    found: IndexArray,
+    end: FloatArray,
+    share: FloatArray,
+) -> int:
+    """The lit rows of each beam in order of their ends, then shares, from `found` on; returns how many."""
+    held = 0
+    for beam in range(len(first) - 1):
+        for row in range(first[beam], first[beam + 1]):
+            if lit[row]:
+                at = held
+                while at > found[beam] and (
+                    end[at - 1] > row_end[row] or (end[at - 1] == row_end[row] and share[at - 1] > row_share[row])
+                ):
+                    end[at], share[at] = end[at - 1], share[at - 1]
+                    at -= 1
+                end[at], share[at] = row_end[row], row_share[row]
+                held += 1
+        found[beam + 1] = held
+    return held
 
 
 @inlined

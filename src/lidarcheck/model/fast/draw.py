@@ -36,6 +36,7 @@ __all__ = [
     "is_lit",
     "level_of",
     "place_of",
+    "step_of",
 ]
 
 ColumnArray = npt.NDArray[np.int32]
@@ -130,17 +131,28 @@ def bins_of(tables: Tables, range_m: float, signal: float) -> Any:
 
 
 @inlined
+def step_of(value: float, lowest: int, bits: int) -> Any:
+    """The level below a value, of 2^`bits` between two powers of two, and where it stands between that and the next.
+
+    Level 1 is 2^`lowest`; below that there is one step, down to 0.
+    """
+    fine = np.uint64(_MANTISSA_BITS - bits)
+    word: Any = _bits(value)
+    step = np.int64(word >> fine) - (np.int64(_BIAS + lowest) << np.int64(bits))
+    rest = np.int64(word & ((np.uint64(1) << fine) - np.uint64(1)))
+    above: Any
+    level, above = step + 1, rest * 2.0 ** -np.float64(np.int64(fine))
+    if step < 0:
+        level, above = np.int64(0), value * 2.0**-lowest
+    return level, above
+
+
+@inlined
 def level_of(levels: Levels, background: float) -> Any:
     """The level below a background, and where that stands between it and the next, in parts of one."""
     level, above = np.int64(0), 0.0
     if not levels.single:
-        fine = np.uint64(_MANTISSA_BITS - levels.bits)
-        bits: Any = _bits(background)
-        step = np.int64(bits >> fine) - (np.int64(_BIAS + levels.lowest) << np.int64(levels.bits))
-        rest = np.int64(bits & ((np.uint64(1) << fine) - np.uint64(1)))
-        level, above = step + 1, rest * 2.0 ** -np.float64(np.int64(fine))
-        if step < 0:
-            level, above = np.int64(0), background * 2.0**-levels.lowest
+        level, above = step_of(background, levels.lowest, levels.bits)
         level -= levels.first
     return level, above
 

@@ -27,8 +27,8 @@ __all__ = [
     "LOST_AVALANCHES",
     "Grid",
     "Span",
-    "level_background",
     "level_below",
+    "level_value",
     "lowest_background",
     "lowest_octave",
     "node_signals",
@@ -106,18 +106,18 @@ def lowest_background(numbers: Numbers, bin_ns: float) -> int:
     return int(elementary.log2(_DARK / (numbers.detectors * numbers.on * bin_ns)) // 1.0)
 
 
-def level_background(lowest: int, level: int) -> float:
-    """The background of a level; `lowest`: the exponent of level 1."""
-    octave, step = divmod(level - 1, 1 << LEVEL_BITS)
-    return 0.0 if level == 0 else float(2.0 ** (lowest + octave) * (1.0 + step / (1 << LEVEL_BITS)))
+def level_value(lowest: int, level: int, bits: int) -> float:
+    """What a level is of; `lowest`: the power of two of level 1; `bits`: levels an octave, as a power of two."""
+    octave, step = divmod(level - 1, 1 << bits)
+    return 0.0 if level == 0 else float(2.0 ** (lowest + octave) * (1.0 + step / (1 << bits)))
 
 
-def level_below(lowest: int, background_per_ns: float) -> int:
-    """The highest level of no more than that background."""
-    if background_per_ns < 2.0**lowest:
+def level_below(lowest: int, value: float, bits: int) -> int:
+    """The highest level of no more than that value."""
+    if value < 2.0**lowest:
         return 0
-    fraction, exponent = math.frexp(background_per_ns)
-    return ((exponent - 1 - lowest) << LEVEL_BITS) + int((2.0 * fraction - 1.0) * (1 << LEVEL_BITS)) + 1
+    fraction, exponent = math.frexp(value)
+    return ((exponent - 1 - lowest) << bits) + int((2.0 * fraction - 1.0) * (1 << bits)) + 1
 
 
 def spans(numbers: Numbers, form: PulseForm, sensor: SpadArray) -> list[Span]:

@@ -6,7 +6,8 @@ avalanches and echoes are drawn once, for many beams without an end, and kept. `
 
 from __future__ import annotations
 
-import functools
+import collections
+import threading
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -23,10 +24,11 @@ from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.sharing import Share
 from lidarcheck.model.streams import Stream, fill_twice_abreast, new_stream
 
-__all__ = ["FIELDS", "HISTORIES", "Histories", "histories_of", "last_bin"]
+__all__ = ["FIELDS", "HISTORIES", "LEAST", "Histories", "histories_of", "last_bin"]
 
-HISTORIES = 16384
-"""Of one air and background; beams share them, which adds 1/16384 of a beam's variance to that of a frame's mean."""
+HISTORIES, LEAST = 16384, 4096
+"""Of one air and background, or of each part of the haze where beams see many; beams share them, which adds 1/16384 of
+a beam's variance to that of a frame's mean."""
 _WARM_UP = 4
 """Dead times of background before bin 0."""
 _FAINT = 0.01
@@ -35,12 +37,16 @@ FIELDS, _ROOM = 5, 6
 """Numbers of an echo, and the most echoes of a history."""
 _MOST_COUNT = 255
 _CHUNK = 1024
+_BYTES = 1 << 29
+"""Of what is kept."""
+_kept: collections.OrderedDict[tuple[object, ...], Histories | None] = collections.OrderedDict()
+_guard = threading.Lock()
 
 
 class Histories(NamedTuple):
-    """Avalanches `counts` (HISTORIES, bins) from bin `start` on to `end`, and the echoes from bin 0 on.
+    """Avalanches `counts` (n, bins) from bin `start` on to `end`, and the echoes from bin 0 on.
 
-    `echoes` (HISTORIES, 1 + room * 5): how many, and of each the first bin, the one behind the last, area, first moment
+    `echoes` (n, 1 + room * 5): how many, and of each the first bin, the one behind the last, area, first moment
     and peak; in one piece, since each beam fetches another history's.
     """
 
@@ -58,45 +64,43 @@ def last_bin(numbers: Numbers, haze: HazeRates, weight: float) -> int:
 
 
 def histories_of(
-    numbers: Numbers, haze: HazeRates, weight: float, per_bin: float, level: int, among: Share
+    numbers: Numbers, haze: HazeRates, weight: float, per_bin: float, size: int, seed: int, among: Share
 ) -> Histories | None:
-    """The histories of a haze and a background of `per_bin`; None where a bin holds too many avalanches to keep.
+    """So many histories of a haze and a background of `per_bin`; None where a bin holds too many avalanches to keep.
 
-    `level`: of the background; each has draws of its own.
+    `weight`: the part of the haze. `seed`: each level has draws of its own.
     """
-    rates = per_bin + weight * haze.whole[: last_bin(numbers, haze, weight)]
-    return _kept(numbers, per_bin, rates.tobytes(), level, _Same(among))
+    of_bins = per_bin + weight * haze.whole[: last_bin(numbers, haze, weight)]
+    key = (numbers, per_bin, of_bins.tobytes(), size, seed)
+    with _guard:
+        if key in _kept:
+            _kept.move_to_end(key)
+            return _kept[key]
+    found = _simulated(numbers, per_bin, of_bins, size, seed, among)
+    with _guard:
+        _kept[key] = found
+        while len(_kept) > 1 and sum(one.counts.nbytes + one.echoes.nbytes for one in _kept.values() if one) > _BYTES:
+            _kept.popitem(last=False)
+    return found
 
 
-class _Same:
-    """On which threads does not matter to what is found."""
-
-    def __init__(self, among: Share) -> None:
-        self.among = among
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same)
-
-    def __hash__(self) -> int:
-        return 0
-
-
-@functools.lru_cache(maxsize=32)
-def _kept(numbers: Numbers, per_bin: float, of_bins: bytes, level: int, how: _Same) -> Histories | None:
+def _simulated(
+    numbers: Numbers, per_bin: float, of_bins: FloatArray, size: int, seed: int, among: Share
+) -> Histories | None:
     start = -_WARM_UP * numbers.dead
-    rates = np.concatenate([np.full(-start, per_bin), np.frombuffer(of_bins)])
-    counts = np.empty((HISTORIES, len(rates)), dtype=np.uint8)
-    echoes = np.zeros((HISTORIES, 1 + FIELDS * _ROOM), dtype=np.int32)
+    rates = np.concatenate([np.full(-start, per_bin), of_bins])
+    counts = np.empty((size, len(rates)), dtype=np.uint8)
+    echoes = np.zeros((size, 1 + FIELDS * _ROOM), dtype=np.int32)
     found = Histories(start, len(rates) + start, counts, echoes)
     group_of: Callable[[], Abreast] = lambda: new_abreast(numbers._replace(bins=len(rates)))  # noqa: E731
-    fits = np.ones(HISTORIES // _CHUNK, dtype=np.bool_)
+    fits = np.ones(size // _CHUNK, dtype=np.bool_)
 
     def run(at: int) -> None:
-        stream = new_stream(0, "fast histories", level)
+        stream = new_stream(0, "fast histories", seed)
         inverse = inverses(numbers.detectors)
         fits[at // _CHUNK] = _simulate(numbers, stream, rates, at, at + _CHUNK, group_of(), inverse, found)
 
-    how.among(run, range(0, HISTORIES, _CHUNK))
+    among(run, range(0, size, _CHUNK))
     return found if fits.all() else None
 
 

@@ -25,7 +25,10 @@ from lidarcheck.model.fast.special import insert, new_found
 from lidarcheck.model.lane_math import LANES, exp, whole_below
 from lidarcheck.model.streams import Stream, fill_twice_abreast, philox, unit
 
-__all__ = ["Work", "join_beams", "new_work"]
+__all__ = ["CHUNK", "Work", "join_beams", "new_work"]
+
+CHUNK = 8192
+"""Beams a thread takes at a time."""
 
 _ECHOES = 8
 _MOST_CLUMPS = 16
@@ -34,24 +37,33 @@ _MARGIN = 2
 
 
 class Work(NamedTuple):
-    """Work space of a thread."""
+    """Work space of a thread. Of a chunk: the windows' `begin`, `length`, and the `order` of beams; `longer`: how many
+    windows are shorter than each length. `row` (LANES,): of the beams side by side."""
 
     group: Abreast
     inverse: FloatArray
     rates: FloatArray
     echoes: EchoArrays
     found: FloatArray
+    begin: IndexArray
+    length: IndexArray
+    order: IndexArray
+    longer: IndexArray
+    row: IndexArray
 
 
 def new_work(numbers: Numbers) -> Work:
     """Work space for one thread."""
+    begin, length, order = np.zeros((3, CHUNK), dtype=np.int64)
+    longer, row = np.zeros(numbers.bins + 2, dtype=np.int64), np.zeros(LANES, dtype=np.int64)
     rates = np.zeros(numbers.bins)
-    return Work(new_abreast(numbers), inverses(numbers.detectors), rates, new_echoes(LANES, _ECHOES), new_found())
+    space = (new_abreast(numbers), inverses(numbers.detectors), rates, new_echoes(LANES, _ECHOES), new_found())
+    return Work(*space, begin, length, order, longer, row)
 
 
 @inlined
 def _window(numbers: Numbers, pulses: Pulses, end_of_history: int, nearer: IndexArray, i: Any) -> Any:
-    """The bins of a beam that differ from a history: its pulses' and those where its haze ends."""
+    """The bins of a beam that differ from a history: its pulses' and those where rows of its haze end."""
     haze = pulses.haze
     begin, end = end_of_history, 0
     for j in range(pulses.first[i], pulses.first[i + np.uint64(1)]):
@@ -59,11 +71,14 @@ def _window(numbers: Numbers, pulses: Pulses, end_of_history: int, nearer: Index
             middle = whole_below(pulses.centre[j])
             begin = min(begin if end > 0 else numbers.bins, middle - nearer[np.uint64(pulses.reach[j])])
             end = max(end, middle + nearer[np.uint64(pulses.reach_behind[j])] + 1)
-    at = whole_below(min(haze.end[haze.first[i]], 2.0 * haze.last))
-    before = at - nearer[np.uint64(haze.before)] - 1
-    if before < end_of_history:
-        begin = min(begin, before)
-        end = max(end, at + nearer[np.uint64(haze.behind)] + 1)
+    row, rows_end = haze.first[i], haze.first[i + np.uint64(1)]
+    if row < rows_end:
+        near, far = haze.end[row], haze.end[np.uint64(rows_end - 1)]
+        at, last = whole_below(min(near, 2.0 * haze.last)), whole_below(min(far, 2.0 * haze.last))
+        before, behind = at - nearer[np.uint64(haze.before)] - 1, nearer[np.uint64(haze.behind)] + 1
+        if before < end_of_history:
+            begin = min(begin, before)
+            end = max(end, min(last + behind, max(at + behind, end_of_history)))
     if end > 0:
         end += numbers.on + _MARGIN
     begin, end = min(max(begin, 0), numbers.bins), min(end, numbers.bins)
@@ -219,6 +234,25 @@ def _report(found: FloatArray, count: int, row: Any, echoes: EchoArrays) -> None
             keep(echoes, row, found[j, 0], int(found[j, 1]), int(found[j, 2]), int(found[j, 3]))
 
 
+@inlined
+def _windows(
+    numbers: Numbers, pulses: Pulses, end_of_history: int, nearer: IndexArray, rows: IndexArray, work: Work
+) -> None:
+    """The window of each beam, and the beams in order of their windows' lengths: those side by side wait for the
+    longest."""
+    work.longer[:] = 0
+    for at in range(len(rows)):
+        begin, end = _window(numbers, pulses, end_of_history, nearer, np.uint64(rows[at]))
+        work.begin[at], work.length[at] = begin, end - begin
+        work.longer[end - begin + 1] += 1
+    for length in range(1, len(work.longer)):
+        work.longer[length] += work.longer[length - 1]
+    for at in range(len(rows)):
+        place = work.longer[work.length[at]]
+        work.longer[work.length[at]] += 1
+        work.order[place] = at
+
+
 @kernel
 def join_beams(
     numbers: Numbers,
@@ -232,37 +266,36 @@ def join_beams(
     pulses: Pulses,
     nearer: IndexArray,
     rows: IndexArray,
-    start: int,
-    stop: int,
     work: Work,
     echoes: EchoArrays,
 ) -> None:
-    """The echoes of the beams `rows[start]` ... `rows[stop - 1]`, all of one level, into their rows of `echoes`.
+    """The echoes of the beams `rows`, at most `CHUNK` that draw the same histories, into their rows of `echoes`.
 
     Of all beams, (n_beams,): `beams`, what streams know them by; `per_bin`, background avalanches per armed SPAD and
     bin; `rate`, clumps of echoes a bin that background alone makes. `nearer`: what a reach
     [bins] of the exact chain may be cut to.
     """
     group = work.group
-    for low in range(start, stop, LANES):
-        held, most = min(LANES, stop - low), 0
+    _windows(numbers, pulses, histories.end, nearer, rows, work)
+    for low in range(0, len(rows), LANES):
+        held, most = min(LANES, len(rows) - low), 0
         for lane in range(LANES):
             group.beam[lane], group.begin[lane], group.length[lane], group.dead[lane] = lane, 0, 0, 0
             if lane < held:
-                i: Any = np.uint64(rows[low + lane])
-                begin, end = _window(numbers, pulses, histories.end, nearer, i)
-                group.begin[lane], group.length[lane], group.key[lane] = begin, end - begin, beams[i]
-                most = max(most, end - begin)
+                at = work.order[low + lane]
+                group.begin[lane], group.length[lane] = work.begin[at], work.length[at]
+                group.key[lane], work.row[lane] = beams[rows[at]], rows[at]
+                most = max(most, group.length[lane])
         fill_twice_abreast(stream, group.key, (RESERVE + most + 7) // 8, group.words, group.draws)
         _fetch(numbers, histories, held, work)
         group.rates[: most * LANES] = 0.0
         for lane in range(held):
-            of: Any = np.uint64(rows[low + lane])
+            of: Any = np.uint64(work.row[lane])
             _enter(numbers, histories, pulses, per_bin[of], of, lane, work)
         run_abreast(numbers, group, most, work.inverse)
         find_abreast(numbers, group, most, held, work.echoes)
         for lane in range(held):
-            row: Any = np.uint64(rows[low + lane])
+            row: Any = np.uint64(work.row[lane])
             count = _merge(numbers, histories, lane, work)
             begin, end = group.begin[lane], group.begin[lane] + group.length[lane]
             before, draw = min(begin, histories.end), group.draws[2 * LANES + lane]

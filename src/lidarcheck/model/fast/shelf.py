@@ -10,7 +10,7 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.fast.draw import EXACT, TABLE
 from lidarcheck.model.fast.fill import Source
-from lidarcheck.model.fast.grid import LEVEL_BITS, Grid, level_background, level_below, lowest_background
+from lidarcheck.model.fast.grid import LEVEL_BITS, Grid, level_below, level_value, lowest_background
 from lidarcheck.model.fast.library import Library, affordable, known_library, library_of, tables_of
 from lidarcheck.model.fast.tables import Levels
 from lidarcheck.scan import PulseShape
@@ -119,10 +119,10 @@ def shelf_of(
         shelf.libraries[0] = library_of(source)
         return shelf if shelf.libraries[0] is not None else None
     lowest = lowest_background(numbers_of(sensor), sensor.bin_ns)
-    first, last = level_below(lowest, least), level_below(lowest, most) + 1
+    first, last = level_below(lowest, least, LEVEL_BITS), level_below(lowest, most, LEVEL_BITS) + 1
     if last - first >= _MOST_LEVELS:
         return None
-    backgrounds = np.array([level_background(lowest, level) for level in range(first, last + 1)])
+    backgrounds = np.array([level_value(lowest, level, LEVEL_BITS) for level in range(first, last + 1)])
     source = Source.of(sensor, shape, float(backgrounds[0]), many, seed=first)
     if not affordable(source):
         return None
