@@ -19,7 +19,7 @@ from lidarcheck.model.way import Spaces, Way
 from lidarcheck.scan import Light
 from lidarcheck.sensor import SpadArray
 
-__all__ = ["chain_echoes"]
+__all__ = ["by_threshold", "chain_echoes"]
 
 _CHUNK = 8192
 """Beams a thread takes at a time: small enough to share the work evenly, large enough to forget the taking."""
@@ -52,7 +52,8 @@ def chain_echoes(
         return echoes
 
     spaces = Spaces(*_ways(sensor, numbers, light))
-    chunks = _chunks(sensor, light, order, seed, frame)
+    parts = by_threshold(sensor, light, order, seed, frame)
+    chunks = [(threshold, rows[at : at + _CHUNK]) for threshold, rows in parts for at in range(0, len(rows), _CHUNK)]
     beams_done = np.cumsum([len(rows) for _, rows in chunks])
 
     def run(chunk: int) -> None:
@@ -64,16 +65,15 @@ def chain_echoes(
     return echoes
 
 
-def _chunks(
+def by_threshold(
     sensor: SpadArray, light: Light, order: npt.NDArray[np.int64], seed: int, frame: int
 ) -> list[tuple[int, npt.NDArray[np.int64]]]:
-    """What threads take at a time: a threshold and beams of `order` that have it."""
-    parts = [(sensor.threshold, order)]
-    if sensor.nonideal.threshold_dither > 0.0:
-        drawn = streams.uniforms(seed, "threshold", frame, light.layer, light.point)[order, 0]
-        higher = drawn < sensor.nonideal.threshold_dither
-        parts = [(sensor.threshold, order[~higher]), (sensor.threshold + 1, order[higher])]
-    return [(threshold, rows[at : at + _CHUNK]) for threshold, rows in parts for at in range(0, len(rows), _CHUNK)]
+    """Each threshold, and the beams of `order` that have it."""
+    if sensor.nonideal.threshold_dither <= 0.0:
+        return [(sensor.threshold, order)]
+    drawn = streams.uniforms(seed, "threshold", frame, light.layer, light.point)[order, 0]
+    higher = drawn < sensor.nonideal.threshold_dither
+    return [(sensor.threshold, order[~higher]), (sensor.threshold + 1, order[higher])]
 
 
 def _refuse_disturbed(sensor: SpadArray) -> None:

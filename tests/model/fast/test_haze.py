@@ -16,6 +16,7 @@ from lidarcheck.model.fast import hazy, histories
 from lidarcheck.model.fast.histories import HISTORIES, LEAST
 from lidarcheck.model.stages import run_and_light
 from lidarcheck.scan import IdealScan, Light, Scan
+from lidarcheck.sensor import Sensor, SpadArray
 from reference_grid import LAYERS, POINTS
 
 LEVEL = 1e-4
@@ -90,25 +91,53 @@ def test_beams_in_haze_are_those_of_the_exact_chain(
     variant: str, effects: dict[str, dict[str, Any]], frame: IdealScan
 ) -> None:
     """And air that scatters 4 % more is told from it."""
-    light, model = light_in(frame, variant, effects)
-    exact = echoes_of(light, model.sensor, seed=1)
-    ours = echoes_of(light, model.sensor, seed=2, fidelity="fast")
+    light, sensor = light_in(frame, variant, effects)
+    exact = echoes_of(light, sensor, seed=1)
+    ours = echoes_of(light, sensor, seed=2, fidelity="fast")
     assert not np.array_equal(ours.area, exact.area)
     found = p_values(ours, exact, frame)
     assert len(found) > 8
     assert min(found.values()) > LEVEL / len(found), found
     thicker, _ = light_in(frame, variant, {**effects, "fog": {**effects["fog"], "backscatter": 0.048}})
-    other = p_values(echoes_of(thicker, model.sensor, seed=2, fidelity="fast"), exact, frame)
+    other = p_values(echoes_of(thicker, sensor, seed=2, fidelity="fast"), exact, frame)
     assert min(other.values()) < LEVEL / len(found), other
 
 
-def light_in(frame: IdealScan, variant: str, effects: dict[str, dict[str, Any]]) -> tuple[Light, Model]:
-    """What comes back to the beams, with what chance does to the air and the glass drawn once."""
-    model = model_with(variant, **effects)
-    return run_and_light(frame, model, 1, 0, None, None, None)[1], model
+def light_in(frame: IdealScan, variant: str, effects: dict[str, dict[str, Any]]) -> tuple[Light, Sensor]:
+    """What comes back to the beams, with what chance does to the air and the glass drawn once, and who sees it."""
+    run, light = run_and_light(frame, model_with(variant, **effects), 1, 0, None, None, None)
+    return light, run.sensor
 
 
-def hazy_light(frame: IdealScan, mor_m: float = 200.0) -> tuple[Light, Model]:
+DISTURBED = {"crosstalk": {}, "afterpulsing": {}}
+
+
+@pytest.mark.parametrize(
+    ("variant", "effects"),
+    [
+        ("SMART", {"fog": {"mor_m": 200.0}, "crosstalk": {}}),
+        ("SMART", {"fog": {"mor_m": 200.0}, "ambient_light": {}, "afterpulsing": {}, "threshold": {"shift": 0.5}}),
+        pytest.param("SMART", {"fog": {"mor_m": 60.0}, **DISTURBED, "beam_divergence": {}}, marks=pytest.mark.long),
+        pytest.param("SLIM", {"fog": {"mor_m": 100.0}, "ambient_light": {}, **DISTURBED}, marks=pytest.mark.long),
+    ],
+)
+def test_disturbed_detectors_in_haze_are_those_of_the_exact_chain(
+    variant: str, effects: dict[str, dict[str, Any]], frame: IdealScan
+) -> None:
+    """And what avalanches set off, made half as frequent, is told from it."""
+    light, sensor = light_in(frame, variant, effects)
+    exact = echoes_of(light, sensor, seed=1)
+    found = p_values(echoes_of(light, sensor, seed=2, fidelity="fast"), exact, frame)
+    assert len(found) > 8
+    assert min(found.values()) > LEVEL / len(found), found
+    real = SpadArray.narrow(sensor).nonideal
+    half = {name: 0.5 * getattr(real, name) for name in ("crosstalk_sides", "crosstalk_corners", "afterpulse")}
+    fewer = replace(SpadArray.narrow(sensor), nonideal=replace(real, **half))
+    other = p_values(echoes_of(light, fewer, seed=2, fidelity="fast"), exact, frame)
+    assert min(other.values()) < LEVEL / len(other), other
+
+
+def hazy_light(frame: IdealScan, mor_m: float = 200.0) -> tuple[Light, Sensor]:
     return light_in(frame, "SMART", {"fog": {"mor_m": mor_m}, "ambient_light": {}})
 
 
@@ -131,12 +160,12 @@ def test_the_same_bytes_for_any_threads_and_order_and_histories_are_kept(
 
 def test_beams_that_see_other_parts_of_the_haze_draw_histories_of_those(frame: IdealScan) -> None:
     """Ever less of it from beam to beam, some none; only beams that see next to none go through the exact chain."""
-    light, model = hazy_light(frame)
+    light, sensor = hazy_light(frame)
     assert light.haze is not None
     share = np.linspace(1.5, 0.02, len(light))
     share[::7] = 0.0
     light = replace(light, haze=replace(light.haze, row_share=share))
-    ours, exact = (echoes_of(light, model.sensor, seed=1, fidelity=kind) for kind in ("fast", "exact"))
+    ours, exact = (echoes_of(light, sensor, seed=1, fidelity=kind) for kind in ("fast", "exact"))
     found = p_values(ours, exact, frame, LEAST)
     assert min(found.values()) > LEVEL / len(found), found
     rows = {beam: row for row, beam in enumerate(light.layer.astype(np.int64) * POINTS + light.point)}
@@ -154,15 +183,18 @@ def test_beams_that_see_other_parts_of_the_haze_draw_histories_of_those(frame: I
 
 
 def test_haze_without_light_is_no_haze(frame: IdealScan) -> None:
-    light, model = hazy_light(frame)
+    light, sensor = hazy_light(frame)
     assert light.haze is not None
     dark = replace(light, haze=replace(light.haze, row_share=np.zeros(len(light.haze.row_share))))
-    ours, clear = (echoes_of(one, model.sensor, seed=1, fidelity="fast") for one in (dark, replace(light, haze=None)))
+    ours, clear = (echoes_of(one, sensor, seed=1, fidelity="fast") for one in (dark, replace(light, haze=None)))
     np.testing.assert_array_equal(ours.area, clear.area)
 
 
-def test_disturbed_detectors_in_haze_go_through_the_exact_chain(frame: IdealScan) -> None:
-    model = model_with("SMART", fog={"mor_m": 200.0}, crosstalk={})
+@pytest.mark.parametrize("effects", [{"dead_time": {}}, {"crosstalk": {"sides": 0.2}}])
+def test_dead_times_that_vary_and_strong_disturbances_in_haze_go_through_the_exact_chain(
+    effects: dict[str, dict[str, Any]], frame: IdealScan
+) -> None:
+    model = model_with("SMART", fog={"mor_m": 200.0}, **effects)
     few = frame.take(np.arange(0, len(frame), 40))
     ours, exact = (simulate(few, model, seed=1, fidelity=kind) for kind in ("fast", "exact"))
     np.testing.assert_array_equal(ours.area, exact.area)

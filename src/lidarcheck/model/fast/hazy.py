@@ -12,13 +12,13 @@ from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.jit import inlined, kernel
 from lidarcheck.model import streams
-from lidarcheck.model.detection import chain_echoes
+from lidarcheck.model.detection import by_threshold, chain_echoes
 from lidarcheck.model.detector_echoes import fixed
 from lidarcheck.model.exact.abreast import MOST_BINS, MOST_DETECTORS
 from lidarcheck.model.exact.echoes import EchoArrays, new_echoes
 from lidarcheck.model.exact.haze_rates import HazeRates, weight_of
 from lidarcheck.model.exact.listing import scan_of
-from lidarcheck.model.exact.numbers import numbers_of
+from lidarcheck.model.exact.numbers import Numbers, numbers_of
 from lidarcheck.model.exact.pulse_form import form_of
 from lidarcheck.model.exact.pulses import Pulses, pulses_of
 from lidarcheck.model.fast.alarms import Alarms
@@ -27,12 +27,13 @@ from lidarcheck.model.fast.draw import TABLE, alarm_rate_of, ask, beam_key, leve
 from lidarcheck.model.fast.grid import level_value
 from lidarcheck.model.fast.histories import HISTORIES, LEAST, Histories, histories_of
 from lidarcheck.model.fast.join import CHUNK, join_beams, new_work
+from lidarcheck.model.fast.set_off import can_count, law_of
 from lidarcheck.model.fast.shelf import Shelf
 from lidarcheck.model.fast.tables import Levels
 from lidarcheck.model.sharing import share
 from lidarcheck.model.streams import philox, unit
 from lidarcheck.scan import Light, Scan, light_of_beams
-from lidarcheck.sensor import NonIdeal, SpadArray
+from lidarcheck.sensor import SpadArray
 
 __all__ = ["can_join", "hazy_echoes", "is_hazy"]
 
@@ -55,7 +56,7 @@ def is_hazy(light: Light) -> bool:
 def can_join(sensor: SpadArray) -> bool:
     """Whether histories can be drawn for the sensor, and windows behind them."""
     numbers = numbers_of(sensor)
-    return sensor.nonideal == NonIdeal() and numbers.detectors <= MOST_DETECTORS and numbers.bins <= MOST_BINS
+    return can_count(sensor) and numbers.detectors <= MOST_DETECTORS and numbers.bins <= MOST_BINS
 
 
 def hazy_echoes(light: Light, sensor: SpadArray, shelf: Shelf, task: Task) -> Scan | None:
@@ -66,9 +67,7 @@ def hazy_echoes(light: Light, sensor: SpadArray, shelf: Shelf, task: Task) -> Sc
         return None
     parts = _parts_of(light, pulses.haze)
     chosen, rate = _choose_all(light, pulses.haze, parts, shelf, task)
-    echoes = new_echoes(len(light), sensor.max_echoes)
-    order = np.argsort(chosen, kind="stable")
-    edges = np.searchsorted(chosen[order], np.arange(len(shelf.libraries) * parts.many + 1))
+    law, echoes = law_of(sensor, numbers), new_echoes(len(light), sensor.max_echoes)
     columns: tuple[Any, ...] = (
         streams.new_stream(task.seed, "fast haze", task.frame),
         streams.beam_keys(light.layer, light.point),
@@ -77,25 +76,30 @@ def hazy_echoes(light: Light, sensor: SpadArray, shelf: Shelf, task: Task) -> Sc
         pulses,
         _nearer(light, sensor, pulses),
     )
-    chunks: list[tuple[Histories, Alarms, IndexArray]] = []
-    for number in np.flatnonzero(np.diff(edges)):
-        rows, (k, part) = order[edges[number] : edges[number + 1]], divmod(int(number), parts.many)
-        library, weight = shelf.libraries[k], level_value(_LOWEST, part + parts.first, _BITS)
-        per_bin, draws = shelf.background(k) * sensor.bin_ns, shelf.number(k) << 16 | part + parts.first
-        histories = histories_of(numbers, pulses.haze, weight, per_bin, parts.size, draws, among)
-        if histories is None or library is None:
-            chosen[rows] = _EXACT
-        else:
-            chunks += [(histories, library.alarms, rows[at : at + CHUNK]) for at in range(0, len(rows), CHUNK)]
+    chunks: list[tuple[Numbers, Histories, Alarms, IndexArray]] = []
+    for threshold, beams in by_threshold(sensor, light, np.argsort(chosen, kind="stable"), task.seed, task.frame):
+        edges = np.searchsorted(chosen[beams], np.arange(len(shelf.libraries) * parts.many + 1))
+        seen = numbers._replace(threshold=threshold)
+        for number in np.flatnonzero(np.diff(edges)):
+            rows, (k, part) = beams[edges[number] : edges[number + 1]], divmod(int(number), parts.many)
+            library, weight = shelf.libraries[k], level_value(_LOWEST, part + parts.first, _BITS)
+            per_bin, draws = shelf.background(k) * sensor.bin_ns, shelf.number(k) << 16 | part + parts.first
+            histories = histories_of(seen, law, pulses.haze, weight, per_bin, parts.size, draws, among)
+            if histories is None or library is None:
+                chosen[rows] = _EXACT
+            else:
+                chunks += [
+                    (seen, histories, library.alarms, rows[at : at + CHUNK]) for at in range(0, len(rows), CHUNK)
+                ]
     idle: list[Any] = []
 
     def run(chunk: int) -> None:
-        histories, alarms, rows = chunks[chunk]
+        seen, histories, alarms, rows = chunks[chunk]
         try:
             work = idle.pop()
         except IndexError:
             work = new_work(numbers)
-        arguments: tuple[Any, ...] = (numbers, histories, alarms, task.key, *columns, rows, work, echoes)
+        arguments: tuple[Any, ...] = (seen, law, histories, alarms, task.key, *columns, rows, work, echoes)
         join_beams(*arguments)
         idle.append(work)
 

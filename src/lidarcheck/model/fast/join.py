@@ -21,6 +21,7 @@ from lidarcheck.model.fast.alarms import Alarms
 from lidarcheck.model.fast.draw import chance_of_any
 from lidarcheck.model.fast.haze_cut import put_haze
 from lidarcheck.model.fast.histories import FIELDS, Histories
+from lidarcheck.model.fast.set_off import After, Law, new_after, run_setting_off, start_lane, tail_of, wait_for
 from lidarcheck.model.fast.special import insert, new_found
 from lidarcheck.model.lane_math import LANES, exp, whole_below
 from lidarcheck.model.streams import Stream, fill_twice_abreast, philox, unit
@@ -42,6 +43,7 @@ class Work(NamedTuple):
 
     group: Abreast
     inverse: FloatArray
+    after: After
     rates: FloatArray
     echoes: EchoArrays
     found: FloatArray
@@ -57,20 +59,22 @@ def new_work(numbers: Numbers) -> Work:
     begin, length, order = np.zeros((3, CHUNK), dtype=np.int64)
     longer, row = np.zeros(numbers.bins + 2, dtype=np.int64), np.zeros(LANES, dtype=np.int64)
     rates = np.zeros(numbers.bins)
-    space = (new_abreast(numbers), inverses(numbers.detectors), rates, new_echoes(LANES, _ECHOES), new_found())
-    return Work(*space, begin, length, order, longer, row)
+    space = (new_abreast(numbers), inverses(numbers.detectors), new_after(numbers.bins, 0), rates)
+    return Work(*space, new_echoes(LANES, _ECHOES), new_found(), begin, length, order, longer, row)
 
 
 @inlined
-def _window(numbers: Numbers, pulses: Pulses, end_of_history: int, nearer: IndexArray, i: Any) -> Any:
+def _window(numbers: Numbers, law: Law, pulses: Pulses, end_of_history: int, nearer: IndexArray, i: Any) -> Any:
     """The bins of a beam that differ from a history: its pulses' and those where rows of its haze end."""
     haze = pulses.haze
     begin, end = end_of_history, 0
+    signal: Any = 0.0
     for j in range(pulses.first[i], pulses.first[i + np.uint64(1)]):
         if pulses.signal[j] > 0.0:
             middle = whole_below(pulses.centre[j])
             begin = min(begin if end > 0 else numbers.bins, middle - nearer[np.uint64(pulses.reach[j])])
             end = max(end, middle + nearer[np.uint64(pulses.reach_behind[j])] + 1)
+            signal += pulses.signal[j]
     row, rows_end = haze.first[i], haze.first[i + np.uint64(1)]
     if row < rows_end:
         near, far = haze.end[row], haze.end[np.uint64(rows_end - 1)]
@@ -81,6 +85,8 @@ def _window(numbers: Numbers, pulses: Pulses, end_of_history: int, nearer: Index
             end = max(end, min(last + behind, max(at + behind, end_of_history)))
     if end > 0:
         end += numbers.on + _MARGIN
+        if law.chance[8] > 0.0:
+            end += tail_of(law, numbers, signal * numbers.detectors)
     begin, end = min(max(begin, 0), numbers.bins), min(end, numbers.bins)
     return begin, max(end, begin)
 
@@ -129,6 +135,21 @@ def _enter(
     step, first = np.uint64(LANES), np.uint64(lane)
     for k in range(np.uint64(length)):
         group.rates[k * step + first] = rates[k]
+
+
+@inlined
+def _start(law: Law, stream: Stream, histories: Histories, lane: Any, work: Work) -> None:
+    """Let a lane's history wait for the afterpulses of what came before the window."""
+    group, after = work.group, work.after
+    start_lane(law, stream, after, lane, group.key[lane])
+    begin = group.begin[lane]
+    at, trail = min(begin, histories.end), histories.trail
+    h = _history(histories, group, lane, 0 if begin <= histories.end else 1)
+    for j in range(trail[h, 0]):
+        due = trail[h, 2 * j + 2]
+        bin_ = due // 2 - at
+        if trail[h, 2 * j + 1] < at and 0 <= bin_ < group.length[lane]:
+            wait_for(after, lane, bin_, due % 2 != 0)
 
 
 @kernel
@@ -236,13 +257,13 @@ def _report(found: FloatArray, count: int, row: Any, echoes: EchoArrays) -> None
 
 @inlined
 def _windows(
-    numbers: Numbers, pulses: Pulses, end_of_history: int, nearer: IndexArray, rows: IndexArray, work: Work
+    numbers: Numbers, law: Law, pulses: Pulses, end_of_history: int, nearer: IndexArray, rows: IndexArray, work: Work
 ) -> None:
     """The window of each beam, and the beams in order of their windows' lengths: those side by side wait for the
     longest."""
     work.longer[:] = 0
     for at in range(len(rows)):
-        begin, end = _window(numbers, pulses, end_of_history, nearer, np.uint64(rows[at]))
+        begin, end = _window(numbers, law, pulses, end_of_history, nearer, np.uint64(rows[at]))
         work.begin[at], work.length[at] = begin, end - begin
         work.longer[end - begin + 1] += 1
     for length in range(1, len(work.longer)):
@@ -256,6 +277,7 @@ def _windows(
 @kernel
 def join_beams(
     numbers: Numbers,
+    law: Law,
     histories: Histories,
     alarms: Alarms,
     key: tuple[Any, Any, Any],
@@ -276,7 +298,7 @@ def join_beams(
     [bins] of the exact chain may be cut to.
     """
     group = work.group
-    _windows(numbers, pulses, histories.end, nearer, rows, work)
+    _windows(numbers, law, pulses, histories.end, nearer, rows, work)
     for low in range(0, len(rows), LANES):
         held, most = min(LANES, len(rows) - low), 0
         for lane in range(LANES):
@@ -292,7 +314,12 @@ def join_beams(
         for lane in range(held):
             of: Any = np.uint64(work.row[lane])
             _enter(numbers, histories, pulses, per_bin[of], of, lane, work)
-        run_abreast(numbers, group, most, work.inverse)
+        if law.any_:
+            for lane in range(held):
+                _start(law, stream, histories, lane, work)
+            run_setting_off(numbers, law, stream, group, work.after, most, work.inverse)
+        else:
+            run_abreast(numbers, group, most, work.inverse)
         find_abreast(numbers, group, most, held, work.echoes)
         for lane in range(held):
             row: Any = np.uint64(work.row[lane])
