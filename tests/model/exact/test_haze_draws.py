@@ -23,14 +23,18 @@ BIN_M = LIGHT_SPEED_M_PER_NS / 2
 def test_a_row_cut_at_its_end_is_a_set_of_small_pulses_drawn_alike() -> None:
     """Two kinds of light with the same rates: their traces have the same distribution in each bin."""
     sensor = Sensor.of("SMART", max_range_m=20.0)
-    n, end = 500, 9.13
+    end = 9.13
     density = np.full(200, 0.3)
     density[:40] = 0.0
     small = np.append(np.arange(2.005, end - 0.01, 0.01), 9.125)
-    beams = np.zeros(n), np.arange(n), np.full(n, 3e-4)
-    many = Light(*beams, np.arange(n + 1) * len(small), np.tile(small, n), np.full(n * len(small), 0.003))
-    hazy = light(n, density, [end])
-    assert bin_rates(hazy, sensor)[0] == pytest.approx(bin_rates(many.dimmed(1.0), sensor)[0], abs=2e-6)
+
+    def both(n: int) -> tuple[Light, Light]:
+        pulses = np.arange(n + 1) * len(small), np.tile(small, n), np.full(n * len(small), 0.003)
+        return light(n, density, [end]), Light(np.zeros(n), np.arange(n), np.full(n, 3e-4), *pulses)
+
+    of_haze, of_pulses = (bin_rates(one, sensor)[0] for one in both(1))
+    assert of_haze == pytest.approx(of_pulses, abs=2e-6)
+    hazy, many = both(500)
     one, other = draw_traces(hazy, sensor, seed=1), draw_traces(many, sensor, seed=2)
     for k in range(10, 75, 4):
         assert stats.ks_2samp(one[:, k], other[:, k]).pvalue > 1e-5
