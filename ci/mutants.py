@@ -7,7 +7,7 @@
 
 The errors (`mutants_sites.py`): another comparison, another constant, another operator or sign, a line dropped, two
 arguments swapped. Each is judged by the scenarios that run its line, cheapest first, until one is red: paired seeds,
-then fresh ones, as the gate does. The fast path is judged by the scenarios without effects on that path. Verdicts:
+then fresh ones, as the gate does. The fast path's files are judged by the scenarios on that path. Verdicts:
 
     killed      a KPI fails
     broken      the model crashes, hangs, or does not compile
