@@ -39,7 +39,7 @@ def sensor_with(variant: str, *effects: str) -> Sensor:
         pytest.param("SMART", (), (2e-4, 6e-4), 1, PLANTED[:2], marks=pytest.mark.long),
         ("SMART", ("afterpulsing",), 3e-4, 1, PLANTED),
         pytest.param("SLIM", (), (1.5e-4, 3.5e-4), 2, PLANTED, marks=pytest.mark.long),
-        pytest.param("SLIM", ("afterpulsing",), 3e-4, 2, PLANTED, marks=pytest.mark.long),
+        pytest.param("SLIM", ("afterpulsing",), 3e-4, 3, PLANTED, marks=pytest.mark.long),
         pytest.param("SMART", ("crosstalk",), 3e-4, 2, PLANTED, marks=pytest.mark.long),
         pytest.param("SLIM", ("crosstalk",), 3e-4, 1, PLANTED[:2], marks=pytest.mark.long),
         pytest.param(
