@@ -16,7 +16,17 @@ from lidarcheck.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from lidarcheck.elementary.compiled import angle_of
 from lidarcheck.jit import inlined, kernel
 
-__all__ = ["Lines", "Rows", "along", "incidence_deg", "nearest_cells", "shared_cells", "slopes", "spread_of"]
+__all__ = [
+    "Lines",
+    "Rows",
+    "along",
+    "incidence_deg",
+    "most_agreed",
+    "nearest_cells",
+    "shared_cells",
+    "slopes",
+    "spread_of",
+]
 
 _SAME, _NUDGE = 1e-12, 1e-7
 _DEG_PER_RAD = 180.0 / math.pi
@@ -272,3 +282,51 @@ def slopes(
             value[i] = (q[i] * cosine - q[behind]) / sine
         else:
             value[i] = 0.5 * (forward + backward) / sine
+
+
+@inlined
+def _agreeing(left: float, up: float, used: BoolArray, lines: Any, allowed: FloatArray, off: FloatArray) -> Any:
+    """How many of 8 lie on the plane with those slopes, and how far they are off together, as numpy adds up 8."""
+    a, b, change = lines
+    number = 0
+    for k in range(8):
+        apart = abs(left * a[k] + up * b[k] - change[k])
+        on = used[k] and apart <= allowed[k]
+        off[k] = apart if on else 0.0
+        number += 1 if on else 0
+    return number, ((off[0] + off[1]) + (off[2] + off[3])) + ((off[4] + off[5]) + (off[6] + off[7]))
+
+
+@kernel
+def most_agreed(
+    used: BoolArray,
+    lines: tuple[FloatArray, FloatArray, FloatArray],
+    allowed: FloatArray,
+    ridge: float,
+    off: FloatArray,
+    best: BoolArray,
+) -> None:
+    """Of the planes through each row and two of the 8 beside it those that lie on the one that most do, into `best`.
+
+    Shapes (n, 8): whether one beside is `used`; `lines`: how far it lies to the left, up, and the change of q to there;
+    how far that may be off. Of planes on which as many lie the one that they are off least in all. `off`: room for 8.
+    """
+    for row in range(len(used)):
+        a, b, change = lines[0][row], lines[1][row], lines[2][row]
+        count, rest = 0, math.inf
+        best[row, :] = False
+        for i in range(7):
+            for j in range(i + 1, 8):
+                if not (used[row, i] and used[row, j]):
+                    continue
+                aa, bb, ab = a[i] * a[i] + a[j] * a[j], b[i] * b[i] + b[j] * b[j], a[i] * b[i] + a[j] * b[j]
+                ac, bc = a[i] * change[i] + a[j] * change[j], b[i] * change[i] + b[j] * change[j]
+                middle = 0.5 * (aa + bb)
+                aa, bb = aa + ridge * middle, bb + ridge * middle
+                whole = aa * bb - ab * ab if middle > 0.0 else 1.0
+                left, up = (ac * bb - bc * ab) / whole, (bc * aa - ac * ab) / whole
+                number, together = _agreeing(left, up, used[row], (a, b, change), allowed[row], off)
+                if number > count or (number == count and together < rest):
+                    count, rest = number, together
+                    for k in range(8):
+                        best[row, k] = used[row, k] and abs(left * a[k] + up * b[k] - change[k]) <= allowed[row, k]

@@ -63,24 +63,10 @@ def _across(unit: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _most_agreed(used: BoolArray, a: FloatArray, b: FloatArray, change: FloatArray, allowed: FloatArray) -> BoolArray:
     """Of the planes through each row and two beams beside it, those that lie on the one that most do; (n, k)."""
-    count, best = np.zeros(len(used), dtype=np.int64), np.zeros(used.shape, dtype=bool)
-    rest = np.full(len(used), np.inf)
-    for i in range(used.shape[1]):
-        for j in range(i + 1, used.shape[1]):
-            pair = np.zeros(used.shape, dtype=bool)
-            pair[:, i] = pair[:, j] = True
-            pair &= used & used[:, i : i + 1] & used[:, j : j + 1]
-            some = np.flatnonzero(pair[:, i])
-            if len(some) == 0:
-                continue
-            slope, _ = _least_squares(pair[some], a[some], b[some], change[some])
-            off = np.abs(slope[:, :1] * a[some] + slope[:, 1:] * b[some] - change[some])
-            on = used[some] & (off <= allowed[some])
-            left = np.where(on, off, 0.0).sum(axis=1)
-            number = on.sum(axis=1)
-            better = (number > count[some]) | ((number == count[some]) & (left < rest[some]))
-            at = some[better]
-            count[at], rest[at], best[at] = number[better], left[better], on[better]
+    from lidarcheck.effects.geometry.compiled import most_agreed
+
+    best = np.empty(used.shape, dtype=bool)
+    most_agreed(used, (a, b, change), allowed, _RIDGE, np.empty(used.shape[1]), best)
     return best
 
 
