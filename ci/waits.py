@@ -203,7 +203,7 @@ def main() -> None:
             for number in range(asked.rounds + 1):  # the first one compiles what is not yet
                 for tree, times in zip(trees, found, strict=True):
                     took = seconds(tree, arguments(place / f"{len(found[0])}-{tree.name}-{what}-{number}"), place)
-                    times += [took] if number or asked.rounds == 1 else []
+                    times += [took] if number else []
             before, now = (statistics.median(times) for times in found)
             print(f"| {what} | {before:.2f} | {now:.2f} | {before / now:.2f} |", flush=True)
 

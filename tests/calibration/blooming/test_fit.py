@@ -28,7 +28,6 @@ from lidarcheck.model import load_model, save_model, simulate
 from lidarcheck.model.stages import light_after_effects
 from lidarcheck.scan import PulseShape
 from lidarcheck.sensor import Sensor
-from lidarcheck.workers import one_blas_thread
 from places import shared_path
 
 DISTANCES = (69.0, 156.6, 199.0)
@@ -56,12 +55,11 @@ def sideways():
 
 
 def fits_of(axis, lut, **seeds):
-    """A fit of each variant, on one core: products of matrices so small take several times as long on two."""
+    """A fit of each variant."""
     made = {}
-    with one_blas_thread():
-        for variant, seed in seeds.items():
-            cells = [cells_at(d, variant, seed + i, axis) for i, d in enumerate(DISTANCES)]
-            made[variant] = calibrate(cells, model_side_of(sign_model(variant), axis), lut)
+    for variant, seed in seeds.items():
+        cells = [cells_at(d, variant, seed + i, axis) for i, d in enumerate(DISTANCES)]
+        made[variant] = calibrate(cells, model_side_of(sign_model(variant), axis), lut)
     return made
 
 
