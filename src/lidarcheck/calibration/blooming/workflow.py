@@ -223,7 +223,7 @@ def _needed_signal(bench: ModelSide, name: str) -> float:
     return bench.signal_at_1m
 
 
-@one_blas_thread()
+@one_blas_thread()  # on two it takes several times the processor time
 def calibrate(
     measured: Sequence[Cells],
     bench: ModelSide,
@@ -233,10 +233,7 @@ def calibrate(
     smoothness: float | None = None,
     progress: ProgressCallback = lambda _what: None,
 ) -> BloomingCalibration:
-    """Fit the table of `lut` to all measurements and give the file with it; its X stay as they are.
-
-    On one core: two take several times the processor time for it, and the order of sums hangs on how many there are.
-    """
+    """Fit the table of `lut` to all measurements and give the file with it; its X stay as they are."""
     shaped = with_role("pulse").why_not(bench.sensor) if free.pulse or free.tail else ""
     if shaped:
         raise UsageError(f"the pulse cannot be free: {shaped}", fix="leave the pulse and its tail as they are")
