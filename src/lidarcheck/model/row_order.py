@@ -11,20 +11,28 @@ __all__ = ["sort_in_beams"]
 
 
 @inlined
-def _before(i: int, j: int, distance_m: FloatArray, signal: FloatArray) -> Any:
-    return distance_m[i] < distance_m[j] or (distance_m[i] == distance_m[j] and signal[i] < signal[j])
+def _before(i: int, j: int, key: FloatArray, then: FloatArray) -> Any:
+    if key[i] != key[j]:
+        return key[i] < key[j]
+    return then[i] < then[j] or (then[i] == then[j] and i < j)
 
 
 @kernel
-def sort_in_beams(first: IndexArray, distance_m: FloatArray, signal: FloatArray, order: IndexArray) -> None:
-    """Sort each beam's rows `order[first[b]:first[b + 1]]` by (distance, signal); equal ones stay in their order.
+def sort_in_beams(first: IndexArray, key: FloatArray, then: FloatArray, order: IndexArray) -> None:
+    """Sort each beam's rows `order[first[b]:first[b + 1]]` by two keys, (rows,) each, then by row.
 
-    One by one into those before: beams have few rows, which come nearly in order.
+    Shell's method: most beams have few rows, which come nearly in order, but a histogram's zone may have thousands.
     """
     for beam in range(len(first) - 1):
-        for place in range(first[beam] + 1, first[beam + 1]):
-            row, at = order[place], place
-            while at > first[beam] and _before(row, order[at - 1], distance_m, signal):
-                order[at] = order[at - 1]
-                at -= 1
-            order[at] = row
+        low, high = first[beam], first[beam + 1]
+        gap = 1
+        while gap < (high - low) // 3:
+            gap = 3 * gap + 1
+        while gap > 0:
+            for place in range(low + gap, high):
+                row, at = order[place], place
+                while at >= low + gap and _before(row, order[at - gap], key, then):
+                    order[at] = order[at - gap]
+                    at -= gap
+                order[at] = row
+            gap //= 3

@@ -12,13 +12,13 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulse_form import PHASES, PulseForm
 from lidarcheck.model.lane_math import whole_below
+from lidarcheck.model.row_order import sort_in_beams
 from lidarcheck.scan import Haze, Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray
 
@@ -113,36 +113,10 @@ def _rows_by_end(haze: Haze) -> tuple[IndexArray, FloatArray, FloatArray]:
     lit = (haze.row_share > 0.0) & (haze.row_end_m > 0.0)
     if lit.all() and _one_each(haze.first_row):
         return haze.first_row.copy(), haze.row_end_m.copy(), haze.row_share.copy()
-    first, end, share = np.zeros_like(haze.first_row), np.empty(len(lit)), np.empty(len(lit))
-    kept = _sort_rows(haze.first_row, haze.row_end_m, haze.row_share, lit, first, end, share)
-    return first, end[:kept], share[:kept]
-
-
-@kernel
-def _sort_rows(
-    first: IndexArray,
-    row_end: FloatArray,
-    row_share: FloatArray,
-    lit: npt.NDArray[np.bool_],
-    found: IndexArray,
-    end: FloatArray,
-    share: FloatArray,
-) -> int:
-    """The lit rows of each beam in order of their ends, then shares, from `found` on; returns how many."""
-    held = 0
-    for beam in range(len(first) - 1):
-        for row in range(first[beam], first[beam + 1]):
-            if lit[row]:
-                at = held
-                while at > found[beam] and (
-                    end[at - 1] > row_end[row] or (end[at - 1] == row_end[row] and share[at - 1] > row_share[row])
-                ):
-                    end[at], share[at] = end[at - 1], share[at - 1]
-                    at -= 1
-                end[at], share[at] = row_end[row], row_share[row]
-                held += 1
-        found[beam + 1] = held
-    return held
+    first, kept = np.append(0, np.cumsum(lit))[haze.first_row], np.flatnonzero(lit)
+    end, share, order = haze.row_end_m[kept], haze.row_share[kept], np.arange(len(kept))
+    sort_in_beams(first, end, share, order)
+    return first, end[order], share[order]
 
 
 @inlined
