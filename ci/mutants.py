@@ -2,6 +2,7 @@
 
     ci/mutants                          # 150 errors, drawn by --seed 0
     ci/mutants --seed 7 --only fog      # others, in files in whose path the word occurs
+    ci/mutants --jobs 2                 # two at a time
     ci/mutants --tests                  # what the scenarios let pass is also given to the tests
     ci/mutants --unrun                  # puts none in: which lines that can have one no scenario runs
 
@@ -26,11 +27,13 @@ from __future__ import annotations
 import argparse
 import collections
 import hashlib
+import queue
 import signal
 import sys
 import time
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -51,23 +54,18 @@ def main() -> int:
     parser.add_argument(
         "--unrun", action="store_true", help="list the lines with possible errors that no scenario runs"
     )
+    parser.add_argument("--jobs", type=int, default=1, help="how many at a time, each in its own copy of the source")
     parser.add_argument("--root", type=Path, default=ROOT, help="the checkout whose source and scenarios are used")
     args = parser.parse_args()
-    place = Scratch(args.root.resolve())
-    runs = Runs(place)
-    if args.unrun:
-        return unrun(place, runs, args.only, equivalents(Path(__file__).with_name("mutants.toml")))
-    mutants = drawn(place.source / "lidarcheck", args.seed, args.count, args.only)
-    kept = Kept(place.root / ".lidarcheck" / "mutants.json")
     excused = equivalents(Path(__file__).with_name("mutants.toml"))
+    benches = [Bench(args.root.resolve(), number) for number in range(1 if args.unrun else max(args.jobs, 1))]
+    if args.unrun:
+        return unrun(benches[0], args.only, excused)
+    mutants = drawn(benches[0].place.source / "lidarcheck", args.seed, args.count, args.only)
+    kept = Kept(args.root.resolve() / ".lidarcheck" / "mutants.json")
     counts: collections.Counter[str] = collections.Counter()
     alive = []
-    for number, mutant in enumerate(mutants, start=1):
-        found = judged(mutant, place, runs, kept)
-        if found["verdict"] in SURVIVED and is_excused(mutant, excused):
-            found = {**found, "verdict": "equivalent"}
-        if args.tests and found["verdict"] in SURVIVED:
-            found = {**found, **tested(mutant, place, kept)}
+    for number, (mutant, found) in enumerate(all_judged(mutants, benches, kept, excused, args.tests), start=1):
         counts[found["verdict"]] += 1
         print(
             f"{number}/{len(mutants)} {found['verdict']:10} {found['seconds']:6.1f} s  {mutant}{told(found)}",
@@ -78,10 +76,42 @@ def main() -> int:
     return int(bool(alive))
 
 
-def unrun(place: Scratch, runs: Runs, only: str, excused: set[tuple[str, str, str]]) -> int:
+class Bench:
+    """A copy of the source, and what each scenario runs of it: one error at a time."""
+
+    def __init__(self, root: Path, number: int) -> None:
+        self.place = Scratch(root, number)
+        self.runs = Runs(self.place)
+
+
+def all_judged(
+    mutants: Sequence[Mutant], benches: Sequence[Bench], kept: Kept, excused: set[tuple[str, str, str]], tests: bool
+) -> Iterator[tuple[Mutant, dict[str, Any]]]:
+    """Each error with its verdict, in their order; as many at a time as there are benches."""
+    free: queue.SimpleQueue[Bench] = queue.SimpleQueue()
+    for bench in benches:
+        free.put(bench)
+
+    def one(mutant: Mutant) -> dict[str, Any]:
+        bench = free.get()
+        try:
+            found = judged(mutant, bench.place, bench.runs, kept)
+            if found["verdict"] in SURVIVED and is_excused(mutant, excused):
+                found = {**found, "verdict": "equivalent"}
+            if tests and found["verdict"] in SURVIVED:
+                found = {**found, **tested(mutant, bench.place, kept)}
+            return found
+        finally:
+            free.put(bench)
+
+    with ThreadPoolExecutor(len(benches)) as pool:
+        yield from zip(mutants, pool.map(one, mutants), strict=True)
+
+
+def unrun(bench: Bench, only: str, excused: set[tuple[str, str, str]]) -> int:
     """Tell which lines with possible errors no scenario runs, and what part of the errors drawn stands in them."""
-    ran, shares, rows = runs.lines(), [], set()
-    for pile in piles(place.source / "lidarcheck", only).values():
+    ran, shares, rows = bench.runs.lines(), [], set()
+    for pile in piles(bench.place.source / "lidarcheck", only).values():
         for of_file in pile:
             some = [mutant for mutant in of_file if mutant.inside and not is_excused(mutant, excused)]
             missed = [m for m in some if ran[m.file].isdisjoint(range(m.lines[0], m.lines[1] + 1))]

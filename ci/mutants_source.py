@@ -7,8 +7,10 @@ import hashlib
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -29,9 +31,9 @@ traced before they are kept."""
 class Scratch:
     """A copy of source, scenarios and goldens: a file of it is mutated and mended again; and compiled kernels of it."""
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, number: int = 0) -> None:
         self.root = root
-        self.place = root / ".lidarcheck" / "mutants"
+        self.place = root / ".lidarcheck" / (f"mutants-{number}" if number else "mutants")
         self.source = self.place / "src"
         for part in ("src", "scenarios", "goldens"):
             shutil.rmtree(self.place / part, ignore_errors=True)
@@ -90,6 +92,8 @@ class Scratch:
                 timeout=min(limit_s, LONGEST_S),
                 check=False,
             )
+            if run.returncode == -signal.SIGINT:
+                raise KeyboardInterrupt  # Otherwise a run that somebody breaks off says that the model crashes.
             return run.returncode, run.stdout, run.stderr
         except subprocess.TimeoutExpired:
             return -9, "", "it hangs"
@@ -148,14 +152,16 @@ class Kept:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._saving = threading.Lock()
         self.known: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
 
     def save(self, key: str, found: dict[str, Any]) -> None:
-        self.known[key] = found
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        new = self.path.with_suffix(".new")
-        new.write_text(json.dumps(self.known, indent=1), encoding="utf-8")
-        new.replace(self.path)
+        with self._saving:
+            self.known[key] = found
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            new = self.path.with_suffix(".new")
+            new.write_text(json.dumps(self.known, indent=1), encoding="utf-8")
+            new.replace(self.path)
 
 
 class Runs:
