@@ -18,7 +18,7 @@ from typing import Any
 from mutants_sites import Mutant
 
 WORKER = Path(__file__).with_name("mutants_worker.py")
-COMPILING_S = 900.0
+COMPILING_S = 120.0
 LEAST_S = 60.0
 WAITING = 20.0
 LONGEST_S = 86_400.0
@@ -235,7 +235,7 @@ class Runs:
 
     def tasks(self, pairs: Sequence[tuple[str, str]], compiling: bool) -> list[dict[str, Any]]:
         """For the worker."""
-        limits = [LEAST_S + 60.0 * self.known[pair]["seconds"] + (COMPILING_S if compiling else 0.0) for pair in pairs]
+        limits = [LEAST_S + 10.0 * self.known[pair]["seconds"] + (COMPILING_S if compiling else 0.0) for pair in pairs]
         return [
             self._task(*pair, limit_s, self.known[pair]["digests"]) for pair, limit_s in zip(pairs, limits, strict=True)
         ]
