@@ -30,6 +30,7 @@ SKIPPED = (
     "effects/finding.py",
     "effects/parameters.py",  # bounds and help texts of parameters
     "effects/plugins.py",
+    "model/__init__.py",  # names for those who import them
     "model/cuda",  # needs a GPU
     "model/external",  # another program and its files
     "model/fidelity.py",  # checks of what a user asks
@@ -45,7 +46,7 @@ SKIPPED = (
 )
 """Files that change no echoes, or whose echoes no scenario has."""
 
-_COMMUTE = {"minimum", "maximum", "min", "max", "hypot", "isclose", "logaddexp", "dot", "gcd"}
+_COMMUTE = {"minimum", "maximum", "min", "max", "hypot", "isclose", "logaddexp", "dot", "gcd", "einsum", "whole"}
 _COMPARED: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {
     ast.Lt: (ast.LtE, ast.GtE),
     ast.LtE: (ast.Lt, ast.Gt),
