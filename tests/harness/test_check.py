@@ -256,6 +256,42 @@ def test_slow_drift_is_seen_against_the_release(project: Project) -> None:
     assert "drifted" in failed[0].note
 
 
+def test_what_the_golden_knows_is_held_against_the_release_without_fresh_seeds(project: Project) -> None:
+    for name in ("one", "two"):
+        project.specs = tuple(spec for spec in project.specs if spec.kind != "distance")
+        project.golden(name).unlink()
+    accept(review([project.root], **project.stand_ins), [ALL], reason="no distances")
+    release([project.root])
+    project.shift = 0.9
+    accept(review([project.root], **project.stand_ins), [ALL], reason="a stronger laser")
+    project.seeds.clear()
+    known = run(project)
+    assert sorted(project.seeds) == sorted([*range(8)] * 2)
+    fresh = run(project, seed=3)
+    for one, other in zip(known.scenarios, fresh.scenarios, strict=True):
+        for kpi, again in zip(one.kpis, other.kpis, strict=True):
+            assert kpi.release is not None
+            assert again.release is not None
+            assert kpi.golden is not None
+            assert kpi.golden.verdict is KpiVerdict.IDENTICAL
+            assert kpi.release.verdict is again.release.verdict
+            assert kpi.release.seeds == 64
+    moved = known.scenarios[0].kpis[0].release
+    assert moved is not None
+    assert moved.delta == pytest.approx(0.9, abs=0.1)
+    assert moved.verdict is not KpiVerdict.EQUIVALENT
+
+
+def test_distances_from_the_release_want_fresh_seeds(project: Project) -> None:
+    release([project.root])
+    project.shift = 0.9
+    accept(review([project.root], **project.stand_ins), [ALL], reason="a stronger laser")
+    project.seeds.clear()
+    report = run(project)
+    assert len(set(project.seeds)) > 8
+    assert all(kpi.release is not None for result in report.scenarios for kpi in result.kpis)
+
+
 def test_a_change_accepted_with_a_reason_is_no_drift(project: Project) -> None:
     release([project.root])
     project.shift = 5.0

@@ -90,6 +90,18 @@ def test_two_sample_is_welch() -> None:
     assert got.df == pytest.approx(want.df)
 
 
+@pytest.mark.parametrize("name", [name for name, (kind, _, _) in KINDS.items() if kind != "distance"])
+def test_what_a_golden_knows_of_seeds_judges_as_they_do(name: str) -> None:
+    kind, trials, draw = KINDS[name]
+    rng = np.random.default_rng(7)
+    old, new = (draw(rng, 64).astype(float) for _ in range(2))
+    new[5:8] = math.nan
+    asked = spec(kind, tolerance=1e-3)
+    seeds = gate.judge(asked, reference(old, trials), sample(new, new[:8], trials), 1e-6)
+    known = Sample((), tuple(map(float, new[:8])), trials, known=reference(new, trials))
+    assert repr(gate.judge(asked, reference(old, trials), known, 1e-6)) == repr(seeds)
+
+
 @pytest.mark.parametrize(("fresh", "rank", "null"), [(16, 4, 64), (64, 4, 64), (5, 1, 3)])
 def test_exceedance_tail_counts_arrangements(fresh: int, rank: int, null: int) -> None:
     # The count above the rank-th largest null value, from the number of ways to place fresh among null values.

@@ -78,16 +78,36 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """What a run measured of one KPI: a value per fresh seed (nan where there is none) and per paired seed."""
+    """What a run measured of one KPI: a value per fresh seed (nan where there is none) and per paired seed.
+
+    `known`: in place of fresh values, what a golden knows of the seeds that it was made of, where the run has shown
+    that its model is still that one.
+    """
 
     fresh: tuple[float, ...]
     paired: tuple[float, ...] = ()
     trials: float = 0.0
+    known: Reference | None = None
 
     @property
     def finite(self) -> tuple[float, ...]:
         """The fresh values that are numbers."""
         return tuple(value for value in self.fresh if math.isfinite(value))
+
+    @property
+    def drawn(self) -> int:
+        """How many seeds were run."""
+        return self.known.drawn if self.known else len(self.fresh)
+
+    @property
+    def seeds(self) -> int:
+        """How many of them gave a value."""
+        return self.known.seeds if self.known else len(self.finite)
+
+    @property
+    def mean_sd(self) -> tuple[float, float]:
+        """Mean and standard deviation of those values."""
+        return (self.known.mean, self.known.sd) if self.known else mean_sd(self.finite)
 
 
 @dataclass(frozen=True, slots=True)

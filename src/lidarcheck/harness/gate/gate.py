@@ -52,15 +52,15 @@ def needs_more(spec: KpiSpec, reference: Reference, sample: Sample, share: float
 def judge(spec: KpiSpec, reference: Reference, sample: Sample, share: float) -> KpiEvidence:
     """The verdict on one KPI against one reference.
 
-    `sample` holds 64 fresh seeds, or 16 with which `needs_more` was content: those are equivalent. Never IDENTICAL or
-    MISSING; the caller knows these from the digests and the names.
+    `sample` holds 64 seeds, or 16 fresh ones with which `needs_more` was content: those are equivalent. Never IDENTICAL
+    or MISSING; the caller knows these from the digests and the names.
     """
     smallest = smallest_change(spec, reference, share)
-    seeds = len(sample.finite)
+    seeds = sample.seeds
     gap = _too_few(reference, sample, share)
     if gap:
         return KpiEvidence(KpiVerdict.INDETERMINATE, math.nan, math.nan, smallest, seeds, note=gap)
-    first = len(sample.fresh) < FULL_SEEDS
+    first = sample.drawn < FULL_SEEDS
     decide = _judge_distance if spec.kind == "distance" else _judge_mean
     return decide(spec, reference, sample, share, smallest, first)
 
@@ -92,7 +92,7 @@ def _judge_mean(
     note = noise if verdict is KpiVerdict.INDETERMINATE else ""
     if verdict not in (full, KpiVerdict.INDETERMINATE):
         note = f"the {len(sample.paired)} paired seeds differ by {paired_delta:+.4g} ±{paired_margin:.2g}"
-    return KpiEvidence(verdict, change.delta, margin, smallest, len(sample.finite), paired_delta, paired_margin, note)
+    return KpiEvidence(verdict, change.delta, margin, smallest, sample.seeds, paired_delta, paired_margin, note)
 
 
 def _judge_distance(
@@ -124,13 +124,13 @@ def _step(spec: KpiSpec, delta: float, margin: float) -> KpiVerdict:
 
 
 def _difference(spec: KpiSpec, reference: Reference, sample: Sample) -> stats.Difference:
-    mean, sd = mean_sd(sample.finite)
+    mean, sd = sample.mean_sd
     floor = (1e-9 * abs(reference.mean)) ** 2  # a golden's printed digits; nothing is constant to more than these
     if spec.kind == "proportion" and sample.trials > 0 and reference.trials > 0:
-        old, new = reference.trials * reference.seeds, sample.trials * len(sample.finite)
+        old, new = reference.trials * reference.seeds, sample.trials * sample.seeds
         pooled = stats.binomial_variance((reference.mean * old, old), (mean * new, new))
         floor = max(floor, pooled / max(reference.trials, sample.trials))
-    return stats.two_sample((reference.mean, reference.sd, reference.seeds), (mean, sd, len(sample.finite)), floor)
+    return stats.two_sample((reference.mean, reference.sd, reference.seeds), (mean, sd, sample.seeds), floor)
 
 
 def _paired(reference: Reference, sample: Sample, share: float) -> tuple[float, float]:
@@ -158,13 +158,13 @@ def _noise(spec: KpiSpec, reference: Reference, sample: Sample, share: float) ->
 
 def _believed_resolution(reference: Reference, sample: Sample, share: float) -> float:
     """t·SE of 64 seeds against 64, with the run's scatter only as far as it has grown beyond what chance explains."""
-    growth = stats.sd_growth(share, len(sample.finite), reference.seeds)
-    return resolution(share, max(mean_sd(sample.finite)[1] / growth, reference.sd))
+    growth = stats.sd_growth(share, sample.seeds, reference.seeds)
+    return resolution(share, max(sample.mean_sd[1] / growth, reference.sd))
 
 
 def _too_few(reference: Reference, sample: Sample, share: float) -> str:
-    new, old = len(sample.fresh) - len(sample.finite), reference.drawn - reference.seeds
-    text = f"{new} of {len(sample.fresh)} seeds gave no value, {old} of {reference.drawn} did not before"
-    if reference.seeds < 2 or len(sample.finite) < max(2.0, _FINITE_SHARE * len(sample.fresh)):
+    new, old = sample.drawn - sample.seeds, reference.drawn - reference.seeds
+    text = f"{new} of {sample.drawn} seeds gave no value, {old} of {reference.drawn} did not before"
+    if reference.seeds < 2 or sample.seeds < max(2.0, _FINITE_SHARE * sample.drawn):
         return text
-    return text if stats.missing_tail(old, reference.drawn, new, len(sample.fresh)) <= share else ""
+    return text if stats.missing_tail(old, reference.drawn, new, sample.drawn) <= share else ""

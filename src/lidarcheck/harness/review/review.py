@@ -33,7 +33,7 @@ logger = logging.getLogger(__name__)
 
 _PAIRED = GOLDEN_SEEDS[: evidence.PAIRED_SEEDS]
 _REST = GOLDEN_SEEDS[evidence.PAIRED_SEEDS :]
-_GROWN_SUITE = 800
+_GROWN_SUITE = 1600
 """A golden must be fine enough for a suite of so many KPIs, or a growing suite would make it indeterminate."""
 
 
