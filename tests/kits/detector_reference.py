@@ -34,15 +34,21 @@ def rates_of(light: Light, sensor: Sensor) -> np.ndarray:
     return rates
 
 
-def moved(there: np.ndarray, down: int, right: int) -> np.ndarray:
-    """The last two axes moved by one SPAD; what leaves the array is gone."""
-    out = np.zeros_like(there)
-    rows, columns = there.shape[-2:]
-    if abs(down) < rows and abs(right) < columns:
-        to = (slice(max(down, 0), rows + min(down, 0)), slice(max(right, 0), columns + min(right, 0)))
-        of = (slice(max(-down, 0), rows + min(-down, 0)), slice(max(-right, 0), columns + min(-right, 0)))
-        out[(..., *to)] = there[(..., *of)]
-    return out
+def neighbours_of(rows: int, columns: int, steps: list[tuple[int, int]]) -> np.ndarray:
+    """The SPAD that lies so far down and to the right of each, shape (steps, SPADs); -1 where the array ends."""
+    row, column = np.divmod(np.arange(rows * columns), columns)
+    to = [(row + down, column + right) for down, right in steps]
+    return np.array([np.where((r >= 0) & (r < rows) & (c >= 0) & (c < columns), r * columns + c, -1) for r, c in to])
+
+
+def set_off(fresh: np.ndarray, neighbours: np.ndarray, chances: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """What the SPADs that avalanche reach, shape (shots, SPADs) as they; each tries each neighbour once."""
+    shot, spad = np.divmod(np.flatnonzero(fresh), fresh.shape[1])
+    step, one = np.nonzero(rng.random((len(neighbours), len(spad))) < chances[:, None])
+    to = neighbours[step, spad[one]]
+    hit = np.zeros_like(fresh)
+    hit[shot[one][to >= 0], to[to >= 0]] = True
+    return hit
 
 
 def avalanches(
@@ -54,44 +60,41 @@ def avalanches(
     """
     real = sensor.nonideal
     rows = 3 if sensor.spads % 3 == 0 else 1
-    shape = (len(rates), sensor.shots, rows, sensor.spads // rows)
+    columns = sensor.spads // rows
+    shots = (len(rates) * sensor.shots, sensor.spads)
     if settling is None:
         delay = max(real.afterpulse_ns, real.afterpulse_slow_ns) if real.afterpulse else 0.0
         dark = background.max() * sensor.dead_bins < DARK
         dead_times = SETTLING_DEAD_TIMES_IN_THE_DARK if dark else SETTLING_DEAD_TIMES
         settling = dead_times * sensor.dead_bins + int(SETTLING_DELAYS * delay / sensor.bin_ns)
     rates = np.concatenate([np.repeat(background[:, None], settling, axis=1), rates], axis=1)
-    bins = rates.shape[1]
-    armed_from, due = np.zeros(shape, dtype=int), np.zeros((bins, *shape), dtype=bool)
-    out = np.zeros((bins, *shape), dtype=bool)
-    tries = [(step, real.crosstalk_sides / 4) for step in SIDES] + [
-        (step, real.crosstalk_corners / 4) for step in CORNERS
-    ]
+    chances = np.repeat(-np.expm1(-rates.T), sensor.shots, axis=1)
+    bins = len(chances)
+    armed_from, due = np.zeros(shots, dtype=int), np.zeros((bins, *shots), dtype=bool)
+    out = np.zeros((bins, *shots), dtype=bool)
+    neighbours = neighbours_of(rows, columns, SIDES + CORNERS)
+    reaches = np.repeat([real.crosstalk_sides / 4, real.crosstalk_corners / 4], 4)
     for k in range(bins):
         armed = armed_from <= k
-        chance = -np.expm1(-rates[:, k])[:, None, None, None]
-        fired = armed & ((rng.random(shape) < chance) | due[k])
+        fired = armed & ((rng.random(shots) < chances[k][:, None]) | due[k])
         fresh = fired
-        while fresh.any() and max(real.crosstalk_sides, real.crosstalk_corners) > 0.0:
-            hit = np.zeros(shape, dtype=bool)
-            for (down, right), share in tries:
-                hit |= moved(fresh & (rng.random(shape) < share), down, right)
-            fresh = hit & armed & ~fired
+        while reaches.any() and fresh.any():
+            fresh = set_off(fresh, neighbours, reaches, rng) & armed & ~fired
             fired = fired | fresh
         out[k] = fired
-        where = np.nonzero(fired)
-        n = len(where[0])
+        where = np.flatnonzero(fired)
+        n = len(where)
         dead = np.full(n, sensor.dead_bins)
         if max(real.dead_spread_ns, real.dead_recovery_ns) > 0.0:
             drawn = rng.normal(sensor.dead_bins, real.dead_spread_ns / sensor.bin_ns, n)
             drawn = np.round(drawn + rng.exponential(real.dead_recovery_ns / sensor.bin_ns, n))
             dead = np.maximum(drawn, sensor.on_bins).astype(int)
-        armed_from[where] = k + dead
+        armed_from.flat[where] = k + dead
         mean_ns = np.where(rng.random(n) < real.afterpulse_slow_share, real.afterpulse_slow_ns, real.afterpulse_ns)
         later = k + dead + np.floor(rng.exponential(1.0, n) * mean_ns / sensor.bin_ns).astype(int)
         comes = (rng.random(n) < real.afterpulse) & (later < bins)
-        due[(later[comes], *(axis[comes] for axis in where))] = True
-    return out[settling:]
+        due.reshape(bins, -1)[later[comes], where[comes]] = True
+    return out[settling:].reshape(-1, len(rates), sensor.shots, rows, columns)
 
 
 def traces_of(light: Light, sensor: Sensor, rng: np.random.Generator) -> np.ndarray:
