@@ -178,7 +178,7 @@ def test_work_space_is_left_as_it_was_found() -> None:
         numbers,
         streams.new_stream(1, "spads", 0),
         streams.beam_keys(beams.layer, beams.point),
-        beams.background_per_ns,
+        beams.background_per_ns * sensor.bin_ns,
         pulses_of(beams, sensor, numbers),
         np.arange(500),
         scratch,
