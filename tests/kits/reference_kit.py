@@ -1,7 +1,6 @@
-"""The slow reference, from a start that has settled for as long as the background needs and not much longer."""
+"""The slow reference, all beams at a time, from a start that has settled for as long as the background needs."""
 
 from collections.abc import Callable
-from unittest import mock
 
 import numpy as np
 
@@ -46,11 +45,30 @@ def once_each(rates_of: RatesOf) -> RatesOf:
     return rates
 
 
+def detector_traces(
+    rates: np.ndarray, background: np.ndarray, sensor: Sensor, rng: np.random.Generator, settling: int
+) -> np.ndarray:
+    """`reference.detector_trace` of many beams at a time, shape (beams, bins); of a single one it has the same draws.
+
+    `rates` (beams, bins), `background` (beams,): avalanches per armed SPAD and bin, the latter in the `settling` bins
+    before bin 0.
+    """
+    chance = -np.expm1(-np.concatenate([np.repeat(background[:, None], settling, axis=1), rates], axis=1))
+    beams, bins = chance.shape
+    armed_from = np.zeros((beams, sensor.detectors), dtype=np.int64)
+    on = np.zeros((beams, bins + sensor.on_bins), dtype=np.int64)
+    for k in range(bins):
+        fires = (armed_from <= k) & (rng.random(armed_from.shape) < chance[:, k, None])
+        armed_from[fires] = k + sensor.dead_bins
+        on[:, k : k + sensor.on_bins] += np.count_nonzero(fires, axis=1)[:, None]
+    return on[:, settling : settling + sensor.bins]
+
+
 def simulate_detectors(light: Light, sensor: Sensor, rng: np.random.Generator) -> Scan:
-    """`reference.simulate_detectors`, without most of its run of background before the first bin, and `once_each`."""
-    brightest = float(light.background_per_ns.max()) * sensor.bin_ns
-    with (
-        mock.patch.object(reference, "_SETTLING_DEAD_TIMES", settling_dead_times(brightest, sensor)),
-        mock.patch.object(reference, "_rates", once_each(reference._rates)),
-    ):
-        return reference.simulate_detectors(light, sensor, rng)
+    """`reference.simulate_detectors`, all beams at a time and without most of their run of background before bin 0."""
+    assert not sensor.nonideal.any
+    background, rates_of = light.background_per_ns * sensor.bin_ns, once_each(reference._rates)
+    settling = settling_dead_times(float(background.max()), sensor) * sensor.dead_bins
+    rates = np.array([rates_of(light, beam, sensor) for beam in range(len(light))])
+    traces = detector_traces(rates, background, sensor, rng, settling)
+    return reference._scan(light, [reference.echoes_of_trace(trace, sensor) for trace in traces])

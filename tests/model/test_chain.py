@@ -10,7 +10,7 @@ from lidarcheck.model import Model, detection, echoes_of, expected_trace, light_
 from lidarcheck.model.trace import bin_rates, draw_traces, on_probability
 from lidarcheck.scan import IdealScan, Light, Scan
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Material, Sensor
-from reference_kit import simulate_detectors
+from reference_kit import detector_traces, simulate_detectors
 
 SHORT = {"max_range_m": 40.0}
 
@@ -129,6 +129,23 @@ def test_the_chain_agrees_with_every_detector_followed_on_its_own(variant: str) 
         found = np.unique(theirs.layer * 960 + theirs.point).size
         p_values[signal, "detected"] = stats.fisher_exact([[hits, found], [20 * n - hits, n - found]]).pvalue
     assert min(p_values.values()) > 1e-3 / len(p_values), min(p_values.items(), key=lambda item: item[1])
+
+
+@pytest.mark.parametrize("background", [0.0, 3e-4, 0.02])
+def test_detectors_are_followed_side_by_side_as_on_their_own(background: float) -> None:
+    """What holds the chain to the slow reference is that reference, with its draws."""
+    sensor = Sensor.of("SLIM", max_range_m=30.0)
+    rates = background + np.random.default_rng(1).exponential(0.01, (5, sensor.bins))
+    settling = reference._SETTLING_DEAD_TIMES * sensor.dead_bins
+    for row in rates:
+        ours = detector_traces(row[None], np.array([background]), sensor, np.random.default_rng(2), settling)
+        theirs = reference.detector_trace(row, background, sensor, np.random.default_rng(2))
+        assert np.array_equal(ours, theirs[None])
+        assert theirs.max() > 5
+    still = np.stack([np.zeros(sensor.bins), rates[0], np.full(sensor.bins, 1e9)])
+    dark, _, bright = detector_traces(still, np.zeros(3), sensor, np.random.default_rng(3), 2)
+    assert dark.max() == 0
+    assert bright[0] == sensor.detectors
 
 
 @pytest.mark.parametrize("signals", [(0.15, 0.0), (0.15, 0.15), (3.0, 0.2)])
