@@ -38,7 +38,8 @@ def chain_echoes(
     """The echoes of each beam as the exact chain finds them, before they are put into a table."""
     n, among = len(light), functools.partial(share, threads=threads)
     numbers = numbers_of(sensor)
-    echoes = new_echoes(n, sensor.max_echoes)
+    room = new_echoes(n, sensor.max_echoes)
+    echoes = EchoArrays._make(column[:n] for column in room)
     beams = streams.beam_keys(light.layer, light.point)
     per_bin = light.background_per_ns * sensor.bin_ns
     pulses = pulses_of(light, sensor, numbers, among)
@@ -48,7 +49,7 @@ def chain_echoes(
         _refuse_disturbed(sensor)
         from lidarcheck.model.cuda.simulate import simulate_on_cuda
 
-        simulate_on_cuda(numbers, streams.new_stream(seed, "spads", frame), beams, per_bin, pulses, order, echoes)
+        simulate_on_cuda(numbers, streams.new_stream(seed, "spads", frame), beams, per_bin, pulses, order, room)
         return echoes
 
     spaces = Spaces(*_ways(sensor, numbers, light))
@@ -59,7 +60,7 @@ def chain_echoes(
     def run(chunk: int) -> None:
         threshold, rows = chunks[chunk]
         stream = streams.new_stream(seed, "spads", frame)
-        spaces.simulate(numbers._replace(threshold=threshold), stream, beams, per_bin, pulses, rows, echoes)
+        spaces.simulate(numbers._replace(threshold=threshold), stream, beams, per_bin, pulses, rows, room)
 
     share(run, range(len(chunks)), threads, lambda done: progress and progress(int(beams_done[done - 1]), n))
     return echoes

@@ -131,7 +131,7 @@ CASES = {
     ),
     "no background": (Sensor.of("SMART", max_range_m=40.0, threshold=0), light(2000, 0.0, 2, 3.0, 1e9)),
     "several runs in a window": (
-        Sensor.of("SMART", max_range_m=40.0, threshold=2, max_echoes=1, on_bins=3),
+        Sensor.of("SMART", max_range_m=40.0, threshold=2, max_echoes=2, on_bins=3),
         light(3000, 5e-4, 3, 6.0, 5.0),
     ),
     "short times": (Sensor.of("SLIM", max_range_m=40.0, on_bins=1, dead_bins=1), light(2000, 3e-4, 1, 0.0, 300.0)),

@@ -35,7 +35,7 @@ CASES = {
     "fog": (Sensor.of("SMART", max_range_m=40.0), mixed(1500, 3e-4, 50.0)),
     "thin fog, many detectors": (Sensor.of("SLIM", max_range_m=40.0), mixed(1500, 4e-4, 300.0)),
     "fog under the sun, a tail": (Sensor.of("SLIM", max_range_m=40.0), mixed(1500, 8e-4, 100.0, TAIL)),
-    "no background": (Sensor.of("SMART", max_range_m=40.0, threshold=2, max_echoes=1), mixed(1500, 0.0, 20.0)),
+    "no background": (Sensor.of("SMART", max_range_m=40.0, threshold=2, max_echoes=2), mixed(1500, 0.0, 20.0)),
     "dazzled": (Sensor.of("SMART", max_range_m=40.0), mixed(1500, 2e-2, None)),
     "dazzled to the last": (Sensor.of("SLIM", max_range_m=40.0), mixed(700, 1.5, None)),
     "one detector": (Sensor.of("SMART", spads=1, shots=1, threshold=0, max_range_m=40.0), mixed(1500, 1e-2, 30.0)),

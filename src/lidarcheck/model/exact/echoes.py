@@ -25,7 +25,9 @@ class EchoArrays(NamedTuple):
 
 
 def new_echoes(beams: int, room: int) -> EchoArrays:
-    """Room for the echoes of that many beams, none held yet."""
+    """Room for the echoes of that many beams, and of two at least, none held yet."""
+    # A single row is of C's order as well: numba would take it for another type, and compile every kernel once more.
+    beams = max(beams, 2)
     # First echoes stand together: memory for second and third ones, which are rare, is hardly touched.
     return EchoArrays(
         held=np.zeros(beams, dtype=np.int32),

@@ -120,13 +120,14 @@ def _run_exactly(
     light: Light, sensor: SpadArray, chosen: npt.NDArray[np.bool_], task: Task, echoes: EchoArrays
 ) -> None:
     """Put the echoes of the chosen beams in their rows, by the exact chain."""
-    if not chosen.any():
+    rows = np.flatnonzero(chosen)
+    if not len(rows):
         return
     some = light_of_beams(light, chosen)
     found = chain_echoes(some, sensor, seed=task.seed, frame=task.frame, threads=task.threads)
     columns: list[npt.NDArray[Any]] = list(echoes)
     for column, values in zip(columns, found, strict=True):
-        column[chosen] = values
+        column[rows] = values
 
 
 class _Parts(NamedTuple):
