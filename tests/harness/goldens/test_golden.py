@@ -34,10 +34,10 @@ from lidarcheck.harness.goldens.provenance import (
     NO_RESULTS,
     Provenance,
     external_files,
+    hash_of,
     package_directory,
     parameters_hash,
     source_files,
-    source_hash,
 )
 from lidarcheck.harness.scenario.scenario import load_scenario
 from lidarcheck.model.spec import External, Model
@@ -237,12 +237,12 @@ def test_source_hash_sees_results_alone(tmp_path: Path) -> None:
     names = [path.relative_to(package).as_posix() for path in source_files(package)]
     new, results = "brand_new/of_tomorrow.py", ["harness/scenario/measure.py", "model/kernel.py"]
     assert names == [new, "harness/check.py", "harness/gate/gate.py", "harness/gates.py", *results]
-    before = source_hash(package)
+    before = hash_of(package)
     (package / "model/kernel.py").write_bytes(b"a = 1\r\n")
     (package / "tui/app.py").write_text("a = 2\n", encoding="utf-8")
-    assert source_hash(package) == before
+    assert hash_of(package) == before
     (package / "model/kernel.py").write_text("a = 2\n", encoding="utf-8")
-    assert source_hash(package) != before
+    assert hash_of(package) != before
 
 
 def test_what_the_source_hash_leaves_out_is_there() -> None:

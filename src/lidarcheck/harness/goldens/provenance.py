@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
+import functools
 import hashlib
 import json
 import os
@@ -26,6 +27,7 @@ __all__ = [
     "NO_RESULTS",
     "Provenance",
     "external_files",
+    "hash_of",
     "package_directory",
     "parameters_hash",
     "provenance_of",
@@ -113,7 +115,13 @@ def source_files(package: Path = _PACKAGE) -> list[Path]:
     return sorted(path for path in files if _determines_results(path.relative_to(package)))
 
 
-def source_hash(package: Path = _PACKAGE) -> str:
+@functools.cache
+def source_hash() -> str:
+    """`hash_of` this package when it is first asked for: what runs is what was loaded, whatever is edited since."""
+    return hash_of(_PACKAGE)
+
+
+def hash_of(package: Path) -> str:
     """SHA-256 over names and contents of `source_files`; line ends do not count."""
     digest = hashlib.sha256()
     for path in source_files(package):
