@@ -140,8 +140,7 @@ def run_of(
     for effect in model.effects:
         effect.check(model.sensor)
     surfaces = surfaces or Surfaces(ideal)
-    keyed = surfaces.keyed if surfaces.ideal is ideal else with_row_keys(ideal)
-    return Run(seed, frame, model, model.sensor, keyed, scene, surfaces)
+    return Run(seed, frame, model, model.sensor, surfaces.keyed, scene, surfaces)
 
 
 def run_and_light(
