@@ -337,11 +337,6 @@ def test_rows_are_found_behind_the_beams_of_any_table() -> None:
     assert found.first.tolist() == [0, 1, 2, 4]
     assert found.row.tolist() == [1, 3, 0, 2]
     assert found.total(np.array([1.0, 2.0, 3.0, 4.0])).tolist() == [1.0, 2.0, 7.0]
-    missing = BeamRows.of(light, table.take(np.array([0, 2, 3])))
-    assert missing.first.tolist() == [0, 0, 1, 3]
-    assert missing.total(missing.share).tolist() == [0.0, 1.0, 1.0]
-    fewer = BeamRows.of(plain(Around(table.take(np.array([1, 3])))), table)
-    assert fewer.row.tolist() == [1, 3]
 
 
 def test_values_of_materials_are_found_by_number() -> None:

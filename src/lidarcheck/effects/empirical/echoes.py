@@ -12,9 +12,8 @@ __all__ = ["draws_of", "whole"]
 
 
 def draws_of(scan: Scan, around: Surroundings, draws: int = 1) -> FloatArray:
-    """Uniform numbers of each echo's own, shape (n, draws); the same for a beam's first echo however many it has."""
-    if len(scan) == 0:
-        return np.empty((0, draws))
+    """Uniform numbers of each echo's own, shape (n, draws), of at least one echo; the same for a beam's first echo
+    however many it has."""
     echo = np.maximum(scan.echo_number.astype(np.int64) - 1, 0)
     uniform = around.uniforms(scan.layer, scan.point, draws * (int(echo.max()) + 1))
     return uniform[np.arange(len(scan))[:, None], draws * echo[:, None] + np.arange(draws)]

@@ -73,7 +73,8 @@ def with_met_reflectance(new: IdealScan, before: IdealScan, rays: Rays, around: 
     own, caster = reflectance_of(before), around.caster
     if own is None:
         return new
-    if isinstance(caster, LocalSurfaces) and (met := reflectance_of(caster.ideal)) is not None and len(met):
+    met = reflectance_of(caster.ideal) if isinstance(caster, LocalSurfaces) else None
+    if isinstance(caster, LocalSurfaces) and met is not None and len(caster.grid.order):
         reach = np.where(new.distance_m > 0.0, new.distance_m, _FAR_M)[:, None]
         return with_reflectance(new, met[caster.pick(rays.origin_m + reach * rays.direction, rays.slot)])
     return with_reflectance(new, np.where(new.material_id == before.material_id, own, np.nan))

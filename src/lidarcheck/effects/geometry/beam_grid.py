@@ -132,12 +132,7 @@ class BeamGrid:
         return found
 
     def rows(self, cell: IndexArray, slot: npt.NDArray[np.int32] | IndexArray) -> IndexArray:
-        """The row of that rank in each cell, or the last there; in a cell that was not fired, the nearest one's.
-
-        -1 throughout when there are no rows at all.
-        """
-        if len(self.order) == 0:
-            return np.full(len(cell), -1, dtype=np.int64)
+        """The row of that rank in each cell, or the last there; in a cell that was not fired, the nearest one's."""
         if self.single:
             return self.order[cell]
         if self.near is not None:
@@ -156,7 +151,7 @@ class BeamGrid:
             return np.where(inside, self.order[cell], -1)
         there = inside & (self.slot < self.count[cell])
         place = np.where(there, self.first[cell] + self.slot, 0)
-        return np.where(there, self.order[place], -1) if len(self.order) else np.full(len(layer), -1)
+        return np.where(there, self.order[place], -1)
 
     def cells_of(self, ideal: IdealScan) -> Rows:
         """Which cell each row lies in, and each cell's rows, as compiled code knows them."""

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.scan import IdealScan, Light
@@ -31,21 +30,17 @@ class BeamRows(NamedTuple):
 
     @classmethod
     def of(cls, light: Light, ideal: IdealScan, share: FloatArray | None = None) -> BeamRows:
-        """The rows behind the beams of `light`; none for a beam that the ideal scan does not know."""
+        """The rows behind the beams of `light`, which has the beams of the ideal scan, in order."""
         share = ideal.shares() if share is None else share
         if ideal.in_order and light.layer is ideal.layer and light.point is ideal.point:
             return cls(_one_each(len(ideal)), None, share)
-        key, beam_key = _keys(ideal.layer, ideal.point), _keys(light.layer, light.point)
+        key = ideal.layer.astype(np.int64) << 32 | ideal.point
         row = np.arange(len(key))
         if np.any(key[1:] < key[:-1]):
             row = np.argsort(key, kind="stable")
             key, share = key[row], share[row]
         begin = np.flatnonzero(np.concatenate([[True], key[1:] > key[:-1]])) if len(key) else row
-        if np.array_equal(key[begin], beam_key):
-            return cls(np.append(begin, len(key)), row, share)
-        begin, end = np.searchsorted(key, beam_key, "left"), np.searchsorted(key, beam_key, "right")
-        known = spread(begin, end - begin)
-        return cls(np.concatenate([[0], np.cumsum(end - begin)]), row[known], share[known])
+        return cls(np.append(begin, len(key)), row, share)
 
     def of_each(self, column: FloatArray) -> FloatArray:
         """What a column of the ideal scan, (n,), says of each row, shape (n_rows,)."""
@@ -114,7 +109,3 @@ def _one_each(beams: int) -> IndexArray:
     first = np.arange(beams + 1)
     first.flags.writeable = False
     return first
-
-
-def _keys(layer: npt.NDArray[np.int32], point: npt.NDArray[np.int32]) -> IndexArray:
-    return layer.astype(np.int64) << 32 | point

@@ -124,8 +124,6 @@ class BeamTree:
 
     def own_cell(self, direction: FloatArray, origin_m: FloatArray) -> IndexArray:
         """The cell whose ray each ray is, shape (n,); -1 for rays that are none's."""
-        if len(self.count) == 0:
-            return np.full(len(direction), -1, dtype=np.int64)
         apart, cell = self._axes.query(direction, distance_upper_bound=_ALONG)
         cell = np.where(np.isfinite(apart), cell, 0).astype(np.int64)
         same = np.isfinite(apart) & (np.abs(self.origin_m[cell] - origin_m).max(axis=1, initial=0.0) < _ALONG)
@@ -153,9 +151,7 @@ class BeamTree:
         return np.asarray(np.where(part > np.clip(border, 1e-7, 1.0 - 1e-7), high, low), dtype=np.int64)
 
     def rows(self, cell: IndexArray, slot: npt.NDArray[np.int32] | IndexArray) -> IndexArray:
-        """The row of that rank in each cell, or the last there; -1 throughout when there are no rows at all."""
-        if len(self.order) == 0:
-            return np.full(len(cell), -1, dtype=np.int64)
+        """The row of that rank in each cell, or the last there."""
         return self.order[self.first[cell] + np.minimum(slot, self.count[cell] - 1)]
 
     @functools.cached_property

@@ -43,7 +43,7 @@ class Lattice(Protocol):
         """The cell whose surface reaches to the direction of each position (n, 3); a fired beam's own on its axis."""
 
     def rows(self, cell: IndexArray, slot: npt.NDArray[np.int32] | IndexArray) -> IndexArray:
-        """The row of that rank in each cell, or the last there; -1 throughout when there are no rows at all."""
+        """The row of that rank in each cell, or the last there; there must be one in some cell."""
 
     def neighbours(self, ideal: IdealScan) -> tuple[IndexArray, ...]:
         """For each row those of equal rank beside it, -1 for none: shape (n,) each."""
