@@ -193,7 +193,7 @@ class BeamGrid:
         flat = np.sqrt(x * x + y * y)
         layer = np.rint(_fraction32(elementary.arctan2(z, flat), elevation)).astype(np.int32)
         side = elementary.arctan2(y, x)
-        if not self._plain:
+        if not (azimuth.turns or self._plain):
             side = self._unwrapped(side)
         point = np.rint(_fraction32(side, azimuth)).astype(np.int32)
         layers, points = self.beams.layers, self.beams.points
