@@ -202,6 +202,15 @@ def test_dirt_covers_what_looks_through_it_whatever_the_numbers() -> None:
     assert dirty.pulse_signal / plain(around).pulse_signal == pytest.approx(np.where(inside, 0.25, 1.0))
 
 
+@pytest.mark.parametrize("roundness", [0.0, 1.0])
+def test_dirt_on_numbers_that_no_beam_of_a_scan_has_dims_nothing(roundness) -> None:
+    ideal = in_room(rosette(50, of_scan=True))
+    around = Around(ideal)
+    patch = {"first_layer": 3, "last_layer": 4, "first_point": 1, "last_point": 2, "roundness": roundness}
+    dirty = make("blockage", {"transmission": 0.25, **patch}).light(plain(around), around)  # type: ignore[attr-defined]
+    assert dirty.pulse_signal.tolist() == plain(around).pulse_signal.tolist()
+
+
 def test_dirt_on_a_chip_brightens_its_cover_glass() -> None:
     sensor = zones()
     ideal = in_room(sensor.beams)

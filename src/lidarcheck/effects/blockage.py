@@ -156,9 +156,10 @@ class _Stretch(NamedTuple):
 
 
 def _stretch(angle_deg: FloatArray, pitch_deg: FloatArray) -> _Stretch:
-    """The stretch that beams with these angles and distances to their neighbours take; nowhere without a beam."""
+    """The stretch that beams with these angles and distances to their neighbours take; without a beam one that every
+    direction lies a turn away from."""
     if len(angle_deg) == 0:
-        return _Stretch(0.0, -np.inf)
+        return _Stretch(0.0, -360.0)
     first, last = int(np.argmin(angle_deg)), int(np.argmax(angle_deg))
     low, high, pitch = angle_deg[first], angle_deg[last], 0.5 * (pitch_deg[first] + pitch_deg[last])
     return _Stretch(float(0.5 * (low + high)), float(0.5 * (high - low + pitch)))
