@@ -171,9 +171,7 @@ def test_a_sensor_that_has_passed_a_surface_does_not_see_it():
 
 def test_empty_and_tiny_tables():
     none = IdealScan(*(np.empty(0) for _ in range(5)))
-    ray = Rays(np.zeros((1, 3)), [[1.0, 0, 0]], [0.0], [0])
-    assert LocalSurfaces.of(none).cast(ray, moving={1: (1, 0, 0)}).distance_m.tolist() == [0]
-    assert len(LocalSurfaces.of(none).cast(rays_of(none)).distance_m) == 0
+    assert len(LocalSurfaces.of(none).cast(rays_of(none), moving={1: (1, 0, 0)}).distance_m) == 0
     misses = IdealScan([1, 2], [3, 4], [0.0, 0.0], [0, 0], [0.0, 0.0], object_id=[1, 1])
     assert LocalSurfaces.of(misses).cast(rays_of(misses), moving={1: (1, 0, 0)}).distance_m.tolist() == [0, 0]
 

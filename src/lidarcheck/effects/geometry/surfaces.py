@@ -221,9 +221,6 @@ class LocalSurfaces:
     def _hits(self, rays: Rays, row: IndexArray, distance: FloatArray) -> Hits:
         met = distance > 0.0
         n = len(row)
-        if len(self.ideal) == 0:
-            none = np.zeros(n, dtype=np.int32)
-            return Hits(np.zeros(n), none, none, np.zeros(n), np.zeros((n, 3)))
         number = self.ideal.object_id
         return Hits(
             distance_m=distance,
