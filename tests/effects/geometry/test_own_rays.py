@@ -15,6 +15,7 @@ from lidarcheck.harness.kpis.fired import FiredBeams
 from lidarcheck.harness.kpis.selection import KpiSelection, SelectedEchoes
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.model import Model, light_of, simulate
+from lidarcheck.model.stages import aimed
 from lidarcheck.rays import Rays
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Material, Sensor
@@ -212,3 +213,22 @@ def test_extinctions_add_up() -> None:
     light = light_of(ideal, Model(Sensor.of("SMART"), MATERIALS)).attenuated(0.01).attenuated(0.02)
     assert light.extinction_per_m == pytest.approx(0.03)
     assert light.pulse_signal[0] == pytest.approx(6000.0 * 0.3 / 25.0 * np.exp(-2 * 0.03 * 5.0))
+
+
+def test_in_a_scene_rows_keep_a_reflectance_of_their_own_on_their_material_and_objects_are_told():
+    post = Patch((10, 0, 0), (0, 0.5, 0), (0, 0, 9), material=2, number=2)
+    scene = PatchScene([Patch((20, 0, 0), **WALL_AHEAD, material=1, number=1), post])
+    seen = scene.ideal(LAYERS, POINTS)
+    own = replace(seen, object_id=None, extra={"Reflectance": np.full(len(seen), 0.7)})
+    turned = aimed(
+        own, Model(Sensor.of("SMART"), MATERIALS, (effects.make("boresight", {"yaw_deg": 1.0}),)), scene=scene
+    )
+    stays = turned.material_id == seen.material_id
+    assert 0 < stays.sum() < len(seen)
+    assert np.array_equal(np.isnan(turned.extra["Reflectance"]), ~stays)
+    assert np.nanmin(turned.extra["Reflectance"]) == 0.7
+    wide = aimed(own, Model(Sensor.of("SMART"), MATERIALS, (effects.make("beam_divergence", {}),)), scene=scene)
+    assert len(wide) > len(own)
+    both = (wide.distance_m > 0.0) & (wide.object_id > 0)
+    assert np.array_equal(wide.object_id[both], wide.material_id[both])
+    assert set(wide.object_id[both]) == {1, 2}
