@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 RESERVE = 12
-"""Draws set aside for entering the window, the last two of them for `is_quiet`; a beam in need of more fetches them."""
+"""Draws set aside for entering the window, the last two of them for `looks_quiet`; who needs more fetches them."""
 MOST_BINS = 4096
 """Bins of the longest window that is run side by side, so that memory stays bounded: more than a sensor's trace has."""
 MOST_DETECTORS = 800

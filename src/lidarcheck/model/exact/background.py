@@ -36,11 +36,11 @@ __all__ = [
     "blocks_around",
     "complete",
     "is_plainly_quiet",
-    "is_quiet",
     "looks_quiet",
     "place",
     "search",
     "thin",
+    "write_down",
 ]
 
 
@@ -244,7 +244,7 @@ def is_plainly_quiet(
     dead_at_begin: int,
     on_at_end: int,
 ) -> bool:
-    """Whether `is_quiet` is sure to say so: true for most beams, and settled without a division or a logarithm."""
+    """Whether `looks_quiet` is sure to say so: true for most beams, and settled without a division or a logarithm."""
     beside = max(dead_at_begin if begin > 0 else 0, on_at_end if end < numbers.bins else 0)
     # exp(x) >= 1 + x, and a stretch of bins holds less than one block more than it has lengths of a block.
     per_bin = -blocks.log_small[0] / blocks.length
@@ -265,7 +265,7 @@ def looks_quiet(
     dead_at_begin: int,
     on_at_end: int,
 ) -> bool:
-    """Whether no echo reaches beyond the window `begin` ... `end - 1`: `is_quiet` without writing anything down."""
+    """Whether no echo reaches beyond the window `begin` ... `end - 1`; of blocks, nothing is written down."""
     back, last = blocks_around(numbers, blocks, begin, end)
     most = _ALL_SMALL
     for behind in range(2):
@@ -277,7 +277,7 @@ def looks_quiet(
 
 
 @kernel
-def is_quiet(
+def write_down(
     numbers: Numbers,
     blocks: Blocks,
     stream: Stream,
@@ -288,16 +288,11 @@ def is_quiet(
     end: int,
     dead_at_begin: int,
     on_at_end: int,
-) -> bool:
-    """Whether no echo reaches beyond the window `begin` ... `end - 1`; if not, `add_outside` tells what lies there.
+) -> None:
+    """Write down what lies beyond the window `begin` ... `end - 1`, where `looks_quiet` was false, for `add_outside`.
 
-    `dead_at_begin` detectors avalanched in the `dead - 1` bins before it, `on_at_end` are ON in its last bin.
+    The stream stands where it stood before `looks_quiet`, whose arguments these are.
     """
-    block = stream.counter[0]
-    if looks_quiet(numbers, blocks, stream, draws, draw_before, draw_behind, begin, end, dead_at_begin, on_at_end):
-        return True
-    # Few beams look twice, the second time writing down what they see.
-    stream.counter[0] = block
     back, last = blocks_around(numbers, blocks, begin, end)
     beside_begin = dead_at_begin if begin > 0 else 0
     beside_end = on_at_end if end < numbers.bins else 0
@@ -305,7 +300,6 @@ def is_quiet(
     search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, False, 0)
     complete(blocks, stream, draws, 0, back)
     complete(blocks, stream, draws, back, last)
-    return False
 
 
 @kernel
@@ -322,7 +316,7 @@ def add_outside(
     rates: FloatArray,
     counts: IndexArray,
 ) -> None:
-    """Add the avalanches before and behind the window to those in `counts`, where `is_quiet` was false.
+    """Add the avalanches before and behind the window to those in `counts`, as `write_down` left them.
 
     Before the window there is nothing but a background of `per_bin`, behind it perhaps some faint haze besides.
     """

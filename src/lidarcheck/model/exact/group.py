@@ -147,7 +147,8 @@ def _look_closer(
             i,
             echoes,
         )
-    elif not bg.is_quiet(numbers, scratch.blocks, stream, draws, before, behind, begin, end, dead, on):
+    else:
+        bg.write_down(numbers, scratch.blocks, stream, draws, before, behind, begin, end, dead, on)
         _copy(numbers, lane, scratch)
         look_around(numbers, stream, level, pulses, i, begin, end, scratch, echoes)
 

@@ -193,7 +193,8 @@ def look_outside(
             i,
             echoes,
         )
-    elif not bg.is_quiet(numbers, blocks, stream, draws, before, behind, begin, end, dead, on):
+    else:
+        bg.write_down(numbers, blocks, stream, draws, before, behind, begin, end, dead, on)
         look_around(numbers, stream, level, pulses, i, begin, end, scratch, echoes)
 
 
