@@ -35,7 +35,7 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from mutants_sites import KINDS, Mutant, drawn, piles
 from mutants_source import WAITING, Kept, Runs, Scratch, compiled, source_hash
@@ -58,7 +58,8 @@ def main() -> int:
     parser.add_argument("--root", type=Path, default=ROOT, help="the checkout whose source and scenarios are used")
     args = parser.parse_args()
     excused = equivalents(Path(__file__).with_name("mutants.toml"))
-    benches = [Bench(args.root.resolve(), number) for number in range(1 if args.unrun else max(args.jobs, 1))]
+    places = [Scratch(args.root.resolve(), number) for number in range(max(args.jobs, 1))]
+    benches = [Bench(place, Runs(place, places)) for place in places]
     if args.unrun:
         return unrun(benches[0], args.only, excused)
     mutants = drawn(benches[0].place.source / "lidarcheck", args.seed, args.count, args.only)
@@ -76,12 +77,11 @@ def main() -> int:
     return int(bool(alive))
 
 
-class Bench:
+class Bench(NamedTuple):
     """A copy of the source, and what each scenario runs of it: one error at a time."""
 
-    def __init__(self, root: Path, number: int) -> None:
-        self.place = Scratch(root, number)
-        self.runs = Runs(self.place)
+    place: Scratch
+    runs: Runs
 
 
 def all_judged(

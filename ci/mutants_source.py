@@ -6,17 +6,20 @@ import collections
 import hashlib
 import json
 import os
+import queue
 import shutil
 import signal
 import subprocess
 import sys
 import threading
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 from mutants_sites import Mutant
 
+Pair = tuple[str, str]
 WORKER = Path(__file__).with_name("mutants_worker.py")
 COMPILING_S = 120.0
 LEAST_S = 60.0
@@ -165,9 +168,12 @@ class Kept:
 
 
 class Runs:
-    """What each scenario runs of the right source: lines, seconds, echoes; known again while nothing has changed."""
+    """What each scenario runs of the right source: lines, seconds, echoes; known again while nothing has changed.
 
-    def __init__(self, place: Scratch) -> None:
+    `among`: the copies of the source in which scenarios are traced, side by side.
+    """
+
+    def __init__(self, place: Scratch, among: Sequence[Scratch]) -> None:
         self.place = place
         self.source = place.hash
         self.digests = {path.stem: self._digest(path) for path in sorted((place.place / "scenarios").glob("*.toml"))}
@@ -177,19 +183,32 @@ class Runs:
         new = [pair for pair in pairs if keys[pair] not in kept.known]
         if new:
             print(f"{len(new)} scenarios run in the right source, to know what they run", flush=True)
-        for some in (new[start : start + AT_ONCE] for start in range(0, len(new), AT_ONCE)):
-            tasks = [self._task(name, fidelity, LEAST_S + COMPILING_S, []) for name, fidelity in some]
-            code, lines, errors = place.work("trace", None, tasks, WAITING * AT_ONCE * COMPILING_S)
-            if code:
-                sys.exit(f"error: the scenarios cannot be run: {errors[-2000:]}")
-            found = {(line["name"], line["fidelity"]): line for line in lines}
-            for pair in some:
-                kept.save(keys[pair], found.get(pair, {}))
+        self._trace(new, keys, kept, among)
         known = {pair: kept.known[keys[pair]] for pair in pairs}
         bad = [name for (name, fidelity), run in known.items() if run and not run["holds"] and fidelity == "exact"]
         if bad:
             sys.exit(f"error: {', '.join(bad)}: not what the golden says; run lidarcheck check first")
         self.known = {pair: run for pair, run in known.items() if run and run["holds"]}
+
+    def _trace(self, new: Sequence[Pair], keys: dict[Pair, str], kept: Kept, among: Sequence[Scratch]) -> None:
+        """Keep what these scenarios run, a few of them at a time in each copy."""
+        free: queue.SimpleQueue[Scratch] = queue.SimpleQueue()
+        for place in among:
+            free.put(place)
+
+        def trace(some: Sequence[Pair]) -> None:
+            place = free.get()
+            tasks = [self._task(*pair, LEAST_S + COMPILING_S, []) for pair in some]
+            code, lines, errors = place.work("trace", None, tasks, WAITING * AT_ONCE * COMPILING_S)
+            free.put(place)
+            if code:
+                raise SystemExit(f"error: the scenarios cannot be run: {errors[-2000:]}")
+            found = {(line["name"], line["fidelity"]): line for line in lines}
+            for pair in some:
+                kept.save(keys[pair], found.get(pair, {}))
+
+        with ThreadPoolExecutor(len(among)) as pool:
+            list(pool.map(trace, (new[start : start + AT_ONCE] for start in range(0, len(new), AT_ONCE))))
 
     def _digest(self, scenario: Path) -> str:
         """Of a scenario, its golden, and the files that it names, or that these name."""
