@@ -337,6 +337,10 @@ def test_rows_are_found_behind_the_beams_of_any_table() -> None:
     assert found.first.tolist() == [0, 1, 2, 4]
     assert found.row.tolist() == [1, 3, 0, 2]
     assert found.total(np.array([1.0, 2.0, 3.0, 4.0])).tolist() == [1.0, 2.0, 7.0]
+    some = table.take(np.array([0, 2, 3]))
+    for other, ideal in ((light, some), (plain(Around(some)), table)):
+        with pytest.raises(UsageError, match="other beams than the ideal scan"):
+            BeamRows.of(other, ideal)
 
 
 def test_values_of_materials_are_found_by_number() -> None:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.errors import UsageError
 from lidarcheck.scan import IdealScan, Light
 from lidarcheck.sensor import Material
 
@@ -30,16 +31,19 @@ class BeamRows(NamedTuple):
 
     @classmethod
     def of(cls, light: Light, ideal: IdealScan, share: FloatArray | None = None) -> BeamRows:
-        """The rows behind the beams of `light`, which has the beams of the ideal scan, in order."""
+        """The rows behind the beams of `light`; `UsageError` where these are not the ideal scan's, in order."""
         share = ideal.shares() if share is None else share
         if ideal.in_order and light.layer is ideal.layer and light.point is ideal.point:
             return cls(_one_each(len(ideal)), None, share)
-        key = ideal.layer.astype(np.int64) << 32 | ideal.point
+        key, of_light = (one.layer.astype(np.int64) << 32 | one.point for one in (ideal, light))
         row = np.arange(len(key))
         if np.any(key[1:] < key[:-1]):
             row = np.argsort(key, kind="stable")
             key, share = key[row], share[row]
         begin = np.flatnonzero(np.concatenate([[True], key[1:] > key[:-1]])) if len(key) else row
+        if not np.array_equal(key[begin], of_light):
+            fix = "let each light effect hand on all beams that it is given, in their order"
+            raise UsageError("the light has other beams than the ideal scan", fix=fix)
         return cls(np.append(begin, len(key)), row, share)
 
     def of_each(self, column: FloatArray) -> FloatArray:
