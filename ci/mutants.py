@@ -27,18 +27,16 @@ from __future__ import annotations
 import argparse
 import collections
 import hashlib
-import queue
 import signal
 import sys
 import time
 import tomllib
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from mutants_sites import KINDS, Mutant, drawn, piles
-from mutants_source import WAITING, Kept, Runs, Scratch, compiled, source_hash
+from mutants_source import WAITING, Kept, Runs, Scratch, compiled, side_by_side, source_hash
 
 ROOT = Path(__file__).resolve().parents[1]
 SURVIVED = ("identical", "changed")
@@ -88,24 +86,16 @@ def all_judged(
     mutants: Sequence[Mutant], benches: Sequence[Bench], kept: Kept, excused: set[tuple[str, str, str]], tests: bool
 ) -> Iterator[tuple[Mutant, dict[str, Any]]]:
     """Each error with its verdict, in their order; as many at a time as there are benches."""
-    free: queue.SimpleQueue[Bench] = queue.SimpleQueue()
-    for bench in benches:
-        free.put(bench)
 
-    def one(mutant: Mutant) -> dict[str, Any]:
-        bench = free.get()
-        try:
-            found = judged(mutant, bench.place, bench.runs, kept)
-            if found["verdict"] in SURVIVED and is_excused(mutant, excused):
-                found = {**found, "verdict": "equivalent"}
-            if tests and found["verdict"] in SURVIVED:
-                found = {**found, **tested(mutant, bench.place, kept)}
-            return found
-        finally:
-            free.put(bench)
+    def one(bench: Bench, mutant: Mutant) -> dict[str, Any]:
+        found = judged(mutant, bench.place, bench.runs, kept)
+        if found["verdict"] in SURVIVED and is_excused(mutant, excused):
+            found = {**found, "verdict": "equivalent"}
+        if tests and found["verdict"] in SURVIVED:
+            found = {**found, **tested(mutant, bench.place, kept)}
+        return found
 
-    with ThreadPoolExecutor(len(benches)) as pool:
-        yield from zip(mutants, pool.map(one, mutants), strict=True)
+    yield from zip(mutants, side_by_side(benches, one, mutants), strict=True)
 
 
 def unrun(bench: Bench, only: str, excused: set[tuple[str, str, str]]) -> int:

@@ -12,14 +12,17 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from mutants_sites import Mutant
 
 Pair = tuple[str, str]
+Bench = TypeVar("Bench")
+Thing = TypeVar("Thing")
+Found = TypeVar("Found")
 WORKER = Path(__file__).with_name("mutants_worker.py")
 COMPILING_S = 120.0
 LEAST_S = 60.0
@@ -150,6 +153,25 @@ def imports_of(package: Path) -> dict[str, set[str]]:
     return found
 
 
+def side_by_side(
+    benches: Sequence[Bench], work: Callable[[Bench, Thing], Found], things: Sequence[Thing]
+) -> Iterator[Found]:
+    """`work(bench, thing)` of each thing, in their order; as many at a time as there are benches, one on each."""
+    free: queue.SimpleQueue[Bench] = queue.SimpleQueue()
+    for bench in benches:
+        free.put(bench)
+
+    def one(thing: Thing) -> Found:
+        bench = free.get()
+        try:
+            return work(bench, thing)
+        finally:
+            free.put(bench)
+
+    with ThreadPoolExecutor(len(benches)) as pool:
+        yield from pool.map(one, things)
+
+
 class Kept:
     """What is known, on the disk after each mutant."""
 
@@ -192,23 +214,17 @@ class Runs:
 
     def _trace(self, new: Sequence[Pair], keys: dict[Pair, str], kept: Kept, among: Sequence[Scratch]) -> None:
         """Keep what these scenarios run, a few of them at a time in each copy."""
-        free: queue.SimpleQueue[Scratch] = queue.SimpleQueue()
-        for place in among:
-            free.put(place)
 
-        def trace(some: Sequence[Pair]) -> None:
-            place = free.get()
+        def trace(place: Scratch, some: Sequence[Pair]) -> None:
             tasks = [self._task(*pair, LEAST_S + COMPILING_S, []) for pair in some]
             code, lines, errors = place.work("trace", None, tasks, WAITING * AT_ONCE * COMPILING_S)
-            free.put(place)
             if code:
                 raise SystemExit(f"error: the scenarios cannot be run: {errors[-2000:]}")
             found = {(line["name"], line["fidelity"]): line for line in lines}
             for pair in some:
                 kept.save(keys[pair], found.get(pair, {}))
 
-        with ThreadPoolExecutor(len(among)) as pool:
-            list(pool.map(trace, (new[start : start + AT_ONCE] for start in range(0, len(new), AT_ONCE))))
+        list(side_by_side(among, trace, [new[start : start + AT_ONCE] for start in range(0, len(new), AT_ONCE)]))
 
     def _digest(self, scenario: Path) -> str:
         """Of a scenario, its golden, and the files that it names, or that these name."""
